@@ -36,6 +36,8 @@ UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDI
 """Errors of a place without write access, or of a file that another process has just written."""
 CHECKSUM = 32
 """Bytes of SHA-256."""
+_compiling: set[object] = set()
+"""The functions, by their caches, that are being compiled."""
 
 
 def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
@@ -120,6 +122,11 @@ def has_numba() -> bool:
     return find_spec("numba") is not None
 
 
+def is_compiling() -> bool:
+    """Whether machine code is being compiled, in any thread."""
+    return bool(_compiling)
+
+
 def has_machine_code(module: ModuleType) -> bool:
     """Whether the cache has code for functions of a module as it is now; numba is not loaded to find out."""
     mark = _mark(Path(module.__file__ or ""))
@@ -166,10 +173,18 @@ class _Cache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The cached code for a signature; None if there is none."""
-        from numba.core.compiler import CompileResult
         from numba.core.runtime.nrt import rtsys
 
         rtsys.initialize(target)  # `target.refresh()` would import what only compiling needs, for a quarter of a second
+        found = self._load(signature, target)
+        if found is None:
+            _compiling.add(self)
+        return found
+
+    def _load(self, signature: Any, target: Any) -> Any:
+        """The code in the file for a signature; None without a file that can be trusted."""
+        from numba.core.compiler import CompileResult
+
         path = self._path(signature, target.codegen())
         if path is None or not _is_private(path.parent):
             return None
@@ -189,6 +204,7 @@ class _Cache:
         """Write compiled code to the cache, unless it contains addresses of this process."""
         from numba.core.serialize import dumps
 
+        _compiling.discard(self)
         path = self._path(signature, result.codegen)
         if path is None or result.library.has_dynamic_globals:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from decimal import Context, Decimal
 from fractions import Fraction
 from typing import Any
@@ -40,3 +41,8 @@ def latex_number(value: Any, digits: int | None = None, *, is_zero: bool = False
     import sympy
 
     return sympy.latex(value)
+
+
+def finite_or_none(value: Any) -> float | None:
+    """A number for a table: None if it is not finite, for which JSON has no number."""
+    return float(value) if math.isfinite(value) else None

@@ -16,9 +16,9 @@ from .methods.kinds.compositions import composition as composition
 from .methods.kinds.compositions import extrapolation as extrapolation
 from .methods.kinds.compositions import linear_combination as linear_combination
 from .methods.kinds.compositions import repeat as repeat
-from .methods.kinds.exponential import LawsonMethod as LawsonMethod
 from .methods.kinds.extended_runge_kutta import ContinuousStageRungeKutta as ContinuousStageRungeKutta
 from .methods.kinds.extended_runge_kutta import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
+from .methods.kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .methods.kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .methods.kinds.rosenbrock import Rosenbrock as Rosenbrock
 from .methods.kinds.rosenbrock import WMethod as WMethod

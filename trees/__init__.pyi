@@ -5,12 +5,12 @@ from .drawing import svg as svg
 from .errors import TreeError as TreeError
 from .free_trees import FreeTree as FreeTree
 from .free_trees import free_tree_classes as free_tree_classes
-from .hopf.antipodes import antipode as antipode
-from .hopf.antipodes import grossman_larson_antipode as grossman_larson_antipode
-from .hopf.antipodes import substitution_antipode as substitution_antipode
+from .hopf.coproducts import antipode as antipode
 from .hopf.coproducts import coproduct as coproduct
 from .hopf.coproducts import counit as counit
+from .hopf.coproducts import grossman_larson_antipode as grossman_larson_antipode
 from .hopf.coproducts import grossman_larson_coproduct as grossman_larson_coproduct
+from .hopf.coproducts import substitution_antipode as substitution_antipode
 from .hopf.coproducts import substitution_coproduct as substitution_coproduct
 from .hopf.coproducts import substitution_counit as substitution_counit
 from .hopf.forests import Forest as Forest

@@ -320,22 +320,16 @@ def from_networkx(graph: nx.Graph, root: Any = None) -> tuple[list[int], list[An
             f"but has {len(graph)} nodes and {graph.number_of_edges()} edges"
         )
     root = _root(graph, root)
-    levels, colors = [], []
-    seen = {root}
-    stack = [(0, root)]
-    while stack:
-        level, node = stack.pop()
-        levels.append(level)
-        colors.append(graph.nodes[node].get("color", 0))
-        children = [neighbor for neighbor in graph.adj[node] if neighbor not in seen]
-        seen.update(children)
-        stack += [(level + 1, child) for child in children]
-    if len(seen) < len(graph):
-        missing = next(node for node in graph if node not in seen)
-        raise TreeError(
-            f"graph must be connected and without cycles, but node {missing!r:.60} is not reached from the root"
-        )
-    return levels, colors
+    import networkx as nx
+
+    depths = nx.single_source_shortest_path_length(graph, root)
+    for node in graph:
+        if node not in depths:
+            raise TreeError(
+                f"graph must be connected and without cycles, but node {node!r:.60} is not reached from the root"
+            )
+    preorder = list(nx.dfs_preorder_nodes(graph, root))
+    return [depths[node] for node in preorder], [graph.nodes[node].get("color", 0) for node in preorder]
 
 
 def _root(graph: nx.Graph, root: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import total_ordering
 from itertools import groupby
 from math import factorial, prod
 from operator import index
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@total_ordering
 class Tree:
     """A rooted tree whose nodes have colours 0, 1, …; trees of one colour are those of the textbooks.
 
@@ -326,15 +328,6 @@ class Tree:
 
     def __lt__(self, other: Tree) -> bool:
         return _compare(self, other) < 0 if isinstance(other, Tree) else NotImplemented
-
-    def __le__(self, other: Tree) -> bool:
-        return _compare(self, other) <= 0 if isinstance(other, Tree) else NotImplemented
-
-    def __gt__(self, other: Tree) -> bool:
-        return _compare(self, other) > 0 if isinstance(other, Tree) else NotImplemented
-
-    def __ge__(self, other: Tree) -> bool:
-        return _compare(self, other) >= 0 if isinstance(other, Tree) else NotImplemented
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Tree.from_levels, (self.levels, self.colors)  # pickle is recursive

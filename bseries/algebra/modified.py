@@ -7,10 +7,10 @@ import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import FlowChain, RationalStages, check_method, inputs_of
+from bseries.algebra.stages import FlowChain, MethodStages, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
 from bseries.exact.domains import Values, apply
 from bseries.exact.operations import Operation, log_denominator, wider_step
@@ -20,9 +20,6 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
 from trees.counting import count_trees
 from trees.table import TreeTable, tree_table
-
-if TYPE_CHECKING:
-    from bseries.algebra.stages import MethodStages
 
 
 def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries:

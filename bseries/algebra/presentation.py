@@ -165,7 +165,7 @@ def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bo
         yield "Floating point (RR): the tableau holds floats, so the coefficients carry rounding errors."
     elif digits is None:
         yield f"Exact coefficients, in {domain}."
-    if digits is not None:
+    if digits is not None and domain != "RR":
         yield (
             f"The tableau is published as decimals with {digits} digits: numbers are rounded accordingly, and "
             "those that are zero within these digits are 0."

@@ -21,11 +21,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
 from bseries.exact.domains import (
-    RingValues,
     Values,
     alike,
     as_floats,
@@ -48,14 +47,14 @@ from trees.table import TreeTable
 if TYPE_CHECKING:
     from integrators import StageAlgebra
 
-    MethodStages: TypeAlias = "RationalStages | FloatStages | RingStages"
 
+class MethodStages:
+    """The stages of a method, as an input of operations in a domain; in a SymPy `ring`, over a denominator `step`."""
 
-class _StagesBase:
-    """Base class of all kinds of stages."""
-
-    stages: Stages
     units = passes = 1
+
+    def __init__(self, kind: str, stages: Stages, ring: Any = None, step: Any = None):
+        self.kind, self.stages, self.ring, self.step = kind, stages, ring, step
 
     def weight_sums(self, colors: int) -> list[Any]:
         """For each colour the sum of the weights: the coefficient of the single node."""
@@ -73,7 +72,7 @@ class _StagesBase:
         return self.stages
 
 
-class RationalStages(_StagesBase):
+class RationalStages(MethodStages):
     """The stages of a method with rational series, as an input of exact operations.
 
     Args:
@@ -81,21 +80,18 @@ class RationalStages(_StagesBase):
         bounds: Bounds on the absolute values of the entries of the tableau itself.
     """
 
-    kind = "rational"
-
     def __init__(self, stages: Stages, bounds: Stages):
-        self.stages = stages
-        self.bounds = bounds
-        self.terms = stages.size
-        self.step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
+        step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
+        super().__init__("rational", stages, step=step)
+        self.bounds, self.terms = bounds, stages.size
 
-    def perturbed(self, source: random.Random, change: float) -> FloatStages:
+    def perturbed(self, source: random.Random, change: float) -> MethodStages:
         """The stages in floats, every entry x replaced by x (1 ± change)."""
         a, b = (
             [to_float(x) * (1 + source.choice((-change, change))) for x in row]
             for row in (self.stages.a, self.stages.b)
         )
-        return FloatStages(self.stages.with_entries(a, b))
+        return MethodStages("float", self.stages.with_entries(a, b))
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -125,26 +121,6 @@ class RationalStages(_StagesBase):
     def stages_for(self, arithmetic: Exact) -> Stages:
         """The stages for an arithmetic: for bounds, those with bounds on the entries."""
         return self.bounds if isinstance(arithmetic, Majorant) else self.stages
-
-
-class FloatStages(_StagesBase):
-    """The stages of a method with floating-point entries."""
-
-    kind = "float"
-
-    def __init__(self, stages: Stages):
-        self.stages = stages
-
-
-class RingStages(_StagesBase):
-    """The stages of a method with entries in a SymPy ring, over a common denominator `step`."""
-
-    kind = "ring"
-
-    def __init__(self, stages: Stages, ring: Any, step: Any):
-        self.stages = stages
-        self.ring = ring
-        self.step = step
 
 
 def check_method(method: object) -> Method:
@@ -208,16 +184,16 @@ def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()
         raise SeriesError("method must have entries that can be evaluated, but one divides by zero") from None
     stages = Stages(size, entries[: len(a)], entries[len(a) :], relation, blocks)
     if kind == "float":
-        return FloatStages(stages)
+        return MethodStages("float", stages)
     if kind == "rational":
         return RationalStages(stages, stages.with_entries([*map(abs, a)], [*map(abs, b)]))
-    return RingStages(stages, ring, step)
+    return MethodStages("ring", stages, ring, step)
 
 
 def stages_in_field(method: Method, order: int) -> MethodStages:
     """The stages of a method without a common denominator; irrational entries in the field of fractions."""
     stages = stages_of(method, order)
-    return _in_ring(stages, stages.ring.get_field()) if isinstance(stages, RingStages) else stages
+    return _in_ring(stages, stages.ring.get_field()) if stages.kind == "ring" else stages
 
 
 def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple[MethodStages, list[Values]]:
@@ -225,14 +201,14 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     stages, operands = stages_in_field(method, order), alike(values)
     if stages.kind == "float" or operands[0].kind == "float":
         return _float_stages(method, stages), [as_floats(x) for x in operands]
-    rings: list[Any] = [x.ring for x in (stages, *operands) if isinstance(x, RingStages | RingValues)]
+    rings: list[Any] = [x.ring for x in (stages, *operands) if x.kind == "ring"]
     if not rings:
         return stages, operands
     field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
     return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
-def _in_ring(stages: Any, field: Any) -> RingStages:
+def _in_ring(stages: Any, field: Any) -> MethodStages:
     """The same stages over a field."""
     own = stages.stages
     if isinstance(stages, RationalStages):
@@ -240,7 +216,7 @@ def _in_ring(stages: Any, field: Any) -> RingStages:
     else:
         step = converted(stages.step, stages.ring, field)
         a, b = ([converted(x, stages.ring, field) / step for x in row] for row in (own.a, own.b))
-    return RingStages(own.with_entries(a, b), field, field.one)
+    return MethodStages("ring", own.with_entries(a, b), field, field.one)
 
 
 def _float_stages(method: Any, stages: Any) -> MethodStages:
@@ -248,7 +224,7 @@ def _float_stages(method: Any, stages: Any) -> MethodStages:
     if isinstance(stages, RationalStages) and any(own.relation):  # powers of nodes are badly conditioned
         return stages_of(method.to_float(), 1)
     a, b = ([to_float(x) for x in row] for row in (own.a, own.b))
-    return FloatStages(own.with_entries(a, b))
+    return MethodStages("float", own.with_entries(a, b))
 
 
 def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
@@ -478,6 +454,7 @@ class FlowChain:
             A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
         """
         found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
+        equal = [sum(colors**i for i in range(k)) for k in range(self.order + 1)]  # words c … c begin at c times this
         for part, time in zip(self._steps.parts, self._steps.times, strict=True):
             powers = [arithmetic.number(1)]
             for _ in range(self.order):
@@ -485,7 +462,7 @@ class FlowChain:
             for n in range(self.order, 0, -1):
                 for k in range(1, n + 1):
                     factor, count = math.comb(n, k) * powers[k], colors**k
-                    for end in range(count) if part is None else [part * sum(colors**i for i in range(k))]:
+                    for end in range(count) if part is None else [part * equal[k]]:
                         longer = zip(found[n][end::count], found[n - k], strict=True)
                         found[n][end::count] = [x + factor * y for x, y in longer]
         return found

@@ -11,11 +11,18 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
-from bseries.algebra.stages import RationalStages, auxiliary_colors, check_method, in_one_domain, stages_in_field
+from bseries.algebra.stages import (
+    MethodStages,
+    RationalStages,
+    auxiliary_colors,
+    check_method,
+    in_one_domain,
+    stages_in_field,
+)
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import alike, apply, ring_element
@@ -27,9 +34,6 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
-
-if TYPE_CHECKING:
-    from bseries.algebra.stages import MethodStages
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from itertools import chain, islice
-from operator import itemgetter
+from operator import add, itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
@@ -29,7 +29,7 @@ from bseries.analysis.stability.field_elements import (
     to_flint,
 )
 from bseries.analysis.structure_conditions import Verdict, verdict
-from bseries.exact.domains import alike, exact_number, interpreted, make_values, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
@@ -54,7 +54,7 @@ MOST_TREES = 25_000
 """Largest table of trees for the order, where simplifying assumptions do not decide it."""
 
 FLOAT_DIGITS = 15
-"""Significant digits assumed of floating-point entries in order conditions."""
+"""Significant digits assumed of floating-point entries in order conditions, unless the method says fewer."""
 
 
 class ErrorCoefficients(NamedTuple):
@@ -233,7 +233,8 @@ def trusted(method: Method) -> Method:
         if method.domain != "float":
             return method
         A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
-        return RungeKutta(A, b[0], name=method.name, digits=FLOAT_DIGITS, warn=False)
+        digits = min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS)
+        return RungeKutta(A, b[0], name=method.name, digits=digits, warn=False)
     if isinstance(method, PartitionedRungeKutta):
         if all(part.domain != "float" for part in method.partitions):
             return method
@@ -349,16 +350,30 @@ def structure_order(method: Method, accuracy: int) -> int:
     return min(max(accuracy + 2, LEAST_NODES), most)
 
 
-def _nearby(s: BSeries) -> Iterator[BSeries]:
-    """Four random perturbations of a series in decimals."""
+def _nearby(s: BSeries) -> list[BSeries]:
+    """Four random perturbations of a series in decimals; none of an exact one."""
     if s.uncertainty is None:
-        return
-    source, scale = random.Random(s.digits), 10 ** ((s.digits or 0) + 6)
-    ranges = [s.uncertainty(at) * scale for at in range(len(s))]
+        return []
+    found = _perturbed(s.stored, s.uncertainty, s.digits or 0)
+    return [BSeries(s.table, values, s.empty, names=s.names) for values in found]
+
+
+@lru_cache(maxsize=2)
+def _perturbed(values: RationalValues, uncertainty: Callable[[int], float], digits: int) -> list[RationalValues]:
+    """Four random perturbations, the same ones for each test."""
+    source, scale = random.Random(digits), 10 ** (digits + 6)
+    ranges = [uncertainty(at) * scale for at in range(len(values.table))]
+    denominators = [math.lcm(d, scale) for d in values.denominators]
+    numerators = [
+        int(x) * (denominators[n] // values.denominators[n])
+        for n, x in zip(values.table.lists[0], values.numerators, strict=True)
+    ]
+    units, found = [d // scale for d in denominators], []
     for _ in range(4):
-        changes = (Fraction(round(source.uniform(-r, r)), scale) for r in ranges)
-        changed = make_values(s.table, map(sum, zip(s.stored.coefficients(), changes, strict=True)))
-        yield BSeries(s.table, changed, s.empty, names=s.names)
+        changes = [round(source.uniform(-r, r)) * units[n] for n, r in zip(values.table.lists[0], ranges, strict=True)]
+        changed = list(map(add, numerators, changes))
+        found.append(RationalValues(values.table, changed, denominators, math.lcm(values.step, scale)))
+    return found
 
 
 def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:

@@ -372,7 +372,7 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     for name, verdict in report.structure.items():
         until = f"to all {verdict.tested_to} nodes tested"
         if verdict.breaks is not None:
-            until = f"to {verdict.order} nodes, not for {verdict.breaks.text(report._names)}"
+            until = f"to {verdict.order} node{'s' * (verdict.order != 1)}, not for {verdict.breaks.text(report._names)}"
         yield name.replace("_", " "), until
     if report.assumptions is not None:
         yield "stage order", str(report.stage_order)

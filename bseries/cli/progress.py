@@ -1,4 +1,4 @@
-"""Progress bar on stderr for work of more than a second, if stderr is a terminal."""
+"""Progress bar on stderr for work of more than a second, if stderr is a terminal; it names what takes the time."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import Any
 
 import click
 
+from foundation.machine_code import is_compiling
+
 PATIENCE = 1.0
 """Seconds before a bar is drawn."""
+COMPILING = "compiling for the first time"
 
 
 class Progress:
@@ -31,10 +34,16 @@ class Progress:
 
     def _draw(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TimeElapsedColumn
         from rich.progress import Progress as Bars
 
-        columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+        class Work(ProgressColumn):
+            """What is being done at this moment."""
+
+            def render(self, task: Any) -> str:
+                return COMPILING if is_compiling() else task.description
+
+        columns = Work(), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
         bar = Bars(*columns, console=Console(stderr=True), transient=True)
         self._task = bar.add_task("computing", total=None)
         bar.start()

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.course.differential_text import combination, read_differentials
 from bseries.course.equality import AT_POINTS, EXACTLY, equality, factor_between, first_wrong_power, has_digits
-from bseries.course.truths import MOST_NODES
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     import sympy
 
 YES_NO = ("yes", "no")
+MOST_NODES = 6
+"""Methods are compared, and their structure is tested, on trees with up to this number of nodes."""
 MOST_STAGES = 6
 """Of a tableau in an answer."""
 
@@ -187,7 +188,7 @@ class Tableau(AnswerKind):
                 f"but was {shorten(text)!r}"
             )
         method = RungeKutta(rows, weights, name=argument, warn=False)
-        irrational = [x for row in (*method.A, method.b) for x in row if not isinstance(x, Fraction)]
+        irrational: list[Any] = [x for row in (*method.A, method.b) for x in row if not isinstance(x, Fraction)]
         if degree_bound(irrational) > MOST_DEGREE:
             raise SeriesError(
                 f"{argument} must have entries in a field of degree {MOST_DEGREE} at most, but had more roots"
@@ -218,7 +219,7 @@ def _in_what(pairs: Sequence[tuple[Any, Any]], symbols: Sequence[Any]) -> str:
     """In what formulas differ that are not equal."""
     if all(equality(one, one * 0, symbols) for one, _ in pairs):
         return "is zero or a constant" if len(pairs) > 1 else "is zero"
-    factors = {factor_between(one, two, symbols) for one, two in pairs if two != 0 or one != 0}
+    factors = {factor_between(one, two, symbols) for one, two in pairs if (one, two) != (0, 0)}
     if len(factors) == 1 and "" not in factors:
         factor = factors.pop()
         if factor == "-1" or symbols:  # of a number, other factors would tell the answer

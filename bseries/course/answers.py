@@ -12,6 +12,8 @@ from integrators.core.errors import IntegratorError, shorten, shown, suggestion
 
 MOST_CHARACTERS = 100_000
 """Of a text of answers."""
+MOST_BYTES = 4 * MOST_CHARACTERS
+"""Of a file of answers."""
 MOST_OF_AN_ANSWER = 500
 """Characters of an answer."""
 LINE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)

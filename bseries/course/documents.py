@@ -13,6 +13,7 @@ from bseries.course.computed import computed, filled, places
 from bseries.course.pages import html_page, parsed, pdf_pages, without
 from bseries.course.pictures import drawn_picture
 from bseries.exceptions import SeriesError
+from foundation.extras import optional_module
 from integrators.core.errors import suggestion
 from integrators.core.text_files import atomic_write
 
@@ -83,6 +84,8 @@ def make_course(
     whole = "\n".join(texts.values())
     formulas, figures = dict.fromkeys(places(whole)), dict.fromkeys(FIGURE.findall(whole))
     files = [(name, kind) for name in chosen for kind in makers]
+    for package in ("pypandoc", *(["typst"] if "pdf" in makers else []), *(["matplotlib"] if figures else [])):
+        optional_module(package, "the course")  # before the work, not after it
     done, total = count(), len(formulas) + len(figures) + len(files)
 
     def each(items: Iterable[Item]) -> Iterator[Item]:

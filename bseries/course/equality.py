@@ -23,7 +23,7 @@ DIGITS, AGREEING = 80, 50
 """Digits of values at a point, and how many of them must agree."""
 POINTS, TRIED = 20, 400
 """Points at which formulas are compared, and how many are tried to find those where the second one is real."""
-SPREAD = 1009
+SPREAD = 10**9 + 7
 """Coordinates are multiples of 1/SPREAD between −2 and 2."""
 LARGEST = 1000
 """Of the decimal exponents of a value, whose exponential mpmath still computes at once."""
@@ -33,7 +33,7 @@ MOST_DENOMINATOR = 1_000
 """Of a factor that a remark names."""
 POWERS = (0, 1, 2, -1, -2)
 """Powers of h in such a factor."""
-SMALL_STEP = 12
+SMALL_STEP = 4
 """The power of h of a difference is measured at h = 10^(−SMALL_STEP) and at half of it."""
 
 FUNCTIONS = {"Pi": "pi", "Exp1": "e"}
@@ -157,7 +157,7 @@ def agree(first: Any, second: Any) -> bool:
     return abs(first - second) <= mpmath.mpf(10) ** -AGREEING * max(1, abs(first), abs(second))
 
 
-def value(formula: sympy.Expr, point: Mapping[Any, Any]) -> Any:
+def value(formula: Any, point: Mapping[Any, Any]) -> Any:
     """The value of a formula at a point, as a number of mpmath in its present precision.
 
     Raises:

@@ -24,7 +24,10 @@ MARKDOWN = "markdown-smart-citations"
 """Quotes and dashes are written as they are meant; @ is no citation."""
 HERE = Path(__file__).parent
 TAG = re.compile(r"\\tag\{([^{}]*)\}")
-DELIMITER = re.compile(r"\\(?:[bB]igg?([lr])|([lr])vert)(?![A-Za-z])")
+DELIMITER = re.compile(r"\\(?:[bB]igg?(?P<size>[lr])(?:\\[lr](?P<bar>vert))?|(?P<side>[lr])vert)(?![A-Za-z])")
+SPACING = {"\u0302": "^", "\u0303": "~", "\u0307": "˙"}
+ACCENT = re.compile(rf'(<mo accent="true">)([{"".join(SPACING)}])(</mo>)')
+"""Accents of pandoc's MathML, which are combining characters, and those that browsers place well."""
 
 
 class Picture(NamedTuple):
@@ -102,6 +105,7 @@ def html_page(document: Element, title: str, layout: str, pictures: Pictures) ->
     if layout == "slides":
         blocks = {**blocks, "blocks": _in_sections(blocks["blocks"])}
     body = _pandoc(json.dumps(blocks), "html5", "json", "--mathml", "--wrap=preserve")
+    body = ACCENT.sub(lambda found: f"{found[1]}{SPACING[found[2]]}{found[3]}", body)
     template = Template((HERE / f"{layout}.html").read_text(encoding="utf-8"))
     return template.substitute(title=escape(title), body=body).encode()
 
@@ -201,8 +205,8 @@ def _shown_figure(element: Element) -> tuple[str, list[str]] | None:
 
 def _stretched(delimiter: re.Match[str]) -> str:
     """A delimiter of a given size as one that adapts to what is inside: pandoc would make typst lose its spacing."""
-    side, bar = (delimiter[1], "") if delimiter[1] else (delimiter[2], "|")
-    return f"\\{'left' if side == 'l' else 'right'}{bar}"
+    side = {"l": "left", "r": "right"}[delimiter["size"] or delimiter["side"]]
+    return f"\\{side}{'|' if delimiter['bar'] or delimiter['side'] else ''}"
 
 
 def _untagged(formula: Element) -> tuple[Element, str]:
@@ -217,9 +221,9 @@ def _raw(language: str, text: str, kind: str = "RawInline") -> Element:
 
 
 def _pandoc(text: str, to: str, source: str, *options: str) -> str:
-    """The output of pandoc."""
+    """The output of pandoc; what it cannot write as asked, such as a formula, is an error in a source."""
     pypandoc = optional_module("pypandoc", "a document of the course")
     try:
-        return pypandoc.convert_text(text, to, source, extra_args=options)
+        return pypandoc.convert_text(text, to, source, extra_args=["--fail-if-warnings", *options])
     except OSError as error:  # pypandoc without a program
         raise MissingPackage(f"a document of the course needs pandoc: {error}") from None

@@ -26,7 +26,7 @@ def figure_data(name: str) -> Any:
         SeriesError: There is no figure of this name.
 
     Example:
-        >>> figure_data("theorem-3").exponents.round(1)[:3]
+        >>> figure_data("theorem-3").exponents.round()[:3]
         array([1., 2., 3.])
     """
     return compute(figure_file(name), FEWER.get(name, {}))

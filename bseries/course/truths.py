@@ -11,6 +11,7 @@ from bseries.algebra.modified import modified_equation
 from bseries.analysis.order import order_of
 from bseries.analysis.stability.linear_stability import stability_function
 from bseries.analysis.structure import symmetry, symplecticity
+from bseries.course.answer_kinds import MOST_NODES
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import modified_field
 from bseries.fields.modified_invariants import divergence, modified_invariant
@@ -18,17 +19,14 @@ from bseries.hamiltonians.action_angle.canonical_transformations import harmonic
 from bseries.hamiltonians.action_angle.lindstedt_poincare import lindstedt_poincare
 from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
 from bseries.hamiltonians.closed_forms import closed_hamiltonian
-from bseries.hamiltonians.drift.forms import takahashi_imada_integral
 from bseries.hamiltonians.drift.mean_rates import energy_drift
+from bseries.hamiltonians.drift.perturbations import takahashi_imada_integral
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from integrators import RungeKutta, Splitting, adjoint_method, composition, method, parse_hamiltonian
 
 if TYPE_CHECKING:
     from integrators.methods.programs.program import Method
     from trees import Tree
-
-MOST_NODES = 6
-"""Structure is tested up to this number of nodes, and methods with equal series up to it count as the same."""
 
 
 def yes_no(found: Iterable[bool]) -> tuple[str, ...]:

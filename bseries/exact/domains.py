@@ -36,7 +36,7 @@ from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
-from integrators.exact.number_text import nearest_double
+from integrators.exact.expressions import nearest_double
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
@@ -130,8 +130,7 @@ class FloatValues:
     name = "RR"
 
     def __init__(self, table: TreeTable, values: Any):
-        self.table = table
-        self.raw = values
+        self.table, self.raw = table, values
 
     def __getitem__(self, at: int) -> float:
         return float(self.raw[at])
@@ -172,10 +171,7 @@ class RingValues:
     kind = "ring"
 
     def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
-        self.table = table
-        self.ring = ring
-        self.elements = elements
-        self.step = step
+        self.table, self.ring, self.elements, self.step = table, ring, elements, step
 
     @property
     def name(self) -> str:

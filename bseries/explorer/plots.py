@@ -215,3 +215,23 @@ def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any
         "sweeps into chaos none do."
     )
     return {"scene": scene.title, "pictures": list(pictures), "scene_notes": notes}
+
+
+def page_parts(
+    facts: MethodFacts,
+    region: StabilityShapes | str,
+    scene: SceneShape | None,
+    steps: int,
+    scales: tuple[float, float, float],
+) -> tuple[dict[str, Any], dict[str, Any], ScenePlots | None]:
+    """What the template says of a method and a scene, all that is drawn by name, and the pictures of the scene."""
+    variables, roots, plots = method_variables(facts, region), dict[str, Any](), None
+    if not isinstance(region, str):
+        roots |= stability_plots(region)
+    if scene is not None:
+        plots = scene_plots(scene, steps, scales)
+        variables |= scene_variables(scene, list(plots.figures))
+        roots |= plots.roots
+    for name, root in roots.items():
+        root.name = name
+    return variables, roots, plots

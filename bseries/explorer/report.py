@@ -9,16 +9,7 @@ import numpy as np
 
 from bseries.explorer.flows import SPAN, SceneFlows
 from bseries.explorer.method_facts import method_facts, region_of
-from bseries.explorer.plots import (
-    COLUMNS,
-    ScenePlots,
-    method_variables,
-    scene_plots,
-    scene_variables,
-    stability_plots,
-    template,
-    view_columns,
-)
+from bseries.explorer.plots import COLUMNS, ScenePlots, page_parts, template, view_columns
 from bseries.explorer.reading import checked_method, checked_scene
 from foundation.extras import optional_module
 from integrators.methods.programs.program import Method
@@ -74,19 +65,12 @@ def report_html(
     embed = optional_module("bokeh.embed", "report")
     resources = optional_module("bokeh.resources", "report").INLINE
     facts, region = method_facts(checked_method(method), nodes), region_of(method)
-    variables, roots = method_variables(facts, region), {}
-    if not isinstance(region, str):
-        roots |= stability_plots(region)
-    if scene is not None:
-        flows = SceneFlows(method, checked_scene(scene), span)
-        plots = scene_plots(flows.shape, STEPS, SCALES)
+    flows = None if scene is None else SceneFlows(method, checked_scene(scene), span)
+    variables, roots, plots = page_parts(facts, region, flows and flows.shape, STEPS, SCALES)
+    if flows is not None and plots is not None:
         _add_frames(plots, flows, progress)
-        roots |= plots.roots
-        variables |= scene_variables(flows.shape, list(plots.figures))
     if not roots:  # Bokeh embeds something, or nothing at all
         return template().render(variables)
-    for name, root in roots.items():
-        root.name = name
     return embed.file_html(
         list(roots.values()), resources, variables["title"], template=template(), template_variables=variables
     )

@@ -14,15 +14,7 @@ from bseries.exceptions import SeriesError
 from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows, SceneShape
 from bseries.explorer.flows import SCALES as FACTORS
 from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
-from bseries.explorer.plots import (
-    ScenePlots,
-    method_variables,
-    scene_plots,
-    scene_variables,
-    stability_plots,
-    template,
-    view_columns,
-)
+from bseries.explorer.plots import ScenePlots, page_parts, template, view_columns
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
@@ -180,20 +172,14 @@ class Explorer:
         else:
             answer = task.result()
             variables["sentences"] = answer.sentences
-            roots: dict[str, Any] = {}
             if answer.method is not None:
-                variables |= method_variables(*answer.method)
-                if not isinstance(answer.method[1], str):
-                    roots |= stability_plots(answer.method[1])
-            if answer.scene is not None:
-                plots = scene_plots(answer.scene, STEPS, SCALES)
-                variables |= scene_variables(answer.scene, list(plots.figures))
-                roots |= plots.roots
-                LivePage(document, self.workers, request, plots)
-                self._pages[document.session_context.id] = request, task
-            for name, root in roots.items():
-                root.name = name
-                document.add_root(root)
+                known, roots, plots = page_parts(*answer.method, answer.scene, STEPS, SCALES)
+                variables |= known
+                if plots is not None:
+                    LivePage(document, self.workers, request, plots)
+                    self._pages[document.session_context.id] = request, task
+                for root in roots.values():
+                    document.add_root(root)
         document.template, document.title = template(), variables["title"]
         document.template_variables.update(variables)
 

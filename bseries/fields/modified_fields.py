@@ -28,8 +28,6 @@ from foundation.table import PRINT_WIDTH, Column, Table, listed
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
-from integrators.reference.arbitrary_precision import Arithmetic
-from integrators.reference.plain_steps import block_parts, plain_steps
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 
@@ -438,8 +436,10 @@ def modifying_steps(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
+    from integrators.reference.arbitrary_precision import Arithmetic
+    from integrators.reference.plain_steps import block_parts, plain_steps
+
+    method, scene = as_method(method), as_scene(scene)
     f = modifying_field(method, scene, order, parts=parts)
     arithmetic = Arithmetic(digits)
     with arithmetic.working():

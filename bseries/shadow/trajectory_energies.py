@@ -10,12 +10,24 @@ from typing import Any
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from bseries.shadow.checks import check_columns, check_finite, check_potential, check_steps, refuse_thinned
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport
 from bseries.shadow.scene_forces import SceneForces
 from bseries.shadow.sources import Columns, Source, open_source
-from bseries.shadow.states import LAYOUTS, MIDDLE, Masses, States, longest, positive_numbers, read_states
+from bseries.shadow.states import (
+    LAYOUTS,
+    MIDDLE,
+    Masses,
+    States,
+    check_columns,
+    check_finite,
+    check_potential,
+    check_steps,
+    longest,
+    positive_numbers,
+    read_states,
+    refuse_thinned,
+)
 from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number

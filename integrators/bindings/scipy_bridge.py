@@ -88,8 +88,6 @@ def right_hand_side(scene: Scene | str) -> Callable[[float, np.ndarray[Any, Any]
     scene = as_scene(scene)
     import numpy as np
 
-    if not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
     field, shape = compiled_scene(scene).field, (scene.dimension,)
 
     def fun(t: float, y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

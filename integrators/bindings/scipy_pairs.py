@@ -15,9 +15,14 @@ from scipy.integrate import RK45
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import round_entry, sum_entries
 from integrators.methods.catalogue.registry import catalogue
-from integrators.methods.tableaux.continuous_extensions import ContinuousExtension, continuous_extension
-from integrators.methods.tableaux.elementary_weights import MAX_ORDER, order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta
+from integrators.methods.tableaux.weights import (
+    MAX_ORDER,
+    ContinuousExtension,
+    continuous_extension,
+    order_of_difference,
+    order_of_weights,
+)
 
 Array = np.ndarray[Any, Any]
 

@@ -26,8 +26,7 @@ from integrators.compile.operation_graph import (
 )
 from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import Exact
-from integrators.exact.expressions import ELEMENTARY
-from integrators.exact.number_text import ATOM, PRODUCT, SUM, literal, within
+from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, literal, within
 
 if TYPE_CHECKING:
     from integrators.scenes.model.system import System

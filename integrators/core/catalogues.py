@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Iterable
+from functools import cached_property
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
@@ -36,6 +37,47 @@ def plug_in_entries(group: str, kind: type, taken: Collection[str], check: Calla
         else:
             found += entries
     return found
+
+
+class Register:
+    """The entries of a catalogue by name: those of the files of a package, and those of other distributions.
+
+    The entry points of all distributions are read only when all entries, or names that are not built in, are wanted.
+
+    Args:
+        package: The package whose modules declare entries.
+        variable: The name under which they do, such as ``METHODS``.
+        group: The group of entry points.
+        kind: The class of entries.
+        check: Called with each entry of another distribution; refuses it by an exception.
+    """
+
+    def __init__(self, package: str, variable: str, group: str, kind: type, check: Callable[[Any], object]):
+        self._package, self._variable = package, variable
+        self._group, self._kind, self._check = group, kind, check
+
+    @cached_property
+    def declared(self) -> list[Any]:
+        """The entries of the package."""
+        return declared_entries(self._package, self._variable)
+
+    @cached_property
+    def entries(self) -> list[Any]:
+        """All entries."""
+        return [*self.declared, *plug_in_entries(self._group, self._kind, self._built_in, self._check)]
+
+    @cached_property
+    def _built_in(self) -> dict[str, tuple[Any, str]]:
+        return index_by_name(self.declared)
+
+    @cached_property
+    def index(self) -> dict[str, tuple[Any, str]]:
+        """All entries by name."""
+        return index_by_name(self.entries)
+
+    def index_with(self, *names: str) -> dict[str, tuple[Any, str]]:
+        """The built-in entries by name if one of these names is among them, else all."""
+        return self._built_in if any(name in self._built_in for name in names) else self.index
 
 
 def _checked(entries: Any, kind: type, taken: Collection[str], check: Callable[[Any], object]) -> list[Any]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 RELATIONS = (">", "<", ">=", "<=")
+SYMPY_NAMES = {sympy.Abs: "abs", sympy.sign: "sign", sympy.Max: "max", sympy.Min: "min"}
+"""Names in formulas of SymPy's functions."""
 
 
 class Branching(sympy.Function):
@@ -169,15 +171,10 @@ def from_sympy(formula: Any) -> Any:
     if isinstance(formula, sympy.Piecewise):
         return _chosen(formula.args)
     arguments = [from_sympy(argument) for argument in formula.args]
-    if isinstance(formula, sympy.Abs):
-        return Absolute(*arguments)
-    if isinstance(formula, sympy.sign):
-        return Sign(*arguments)
     if isinstance(formula, sympy.Heaviside):
-        return (1 + Sign(arguments[0])) / 2 if arguments[1] == sympy.Rational(1, 2) else formula
-    if isinstance(formula, sympy.Max | sympy.Min):
-        return extreme("max" if isinstance(formula, sympy.Max) else "min", arguments)
-    return formula.func(*arguments)
+        return branch("heaviside", "", arguments[:1]) if arguments[1] == sympy.Rational(1, 2) else formula
+    name = SYMPY_NAMES.get(formula.func)
+    return formula.func(*arguments) if name is None else branch(name, "", arguments)
 
 
 def _chosen(pairs: Any) -> Any:

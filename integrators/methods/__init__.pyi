@@ -12,9 +12,9 @@ from .kinds.compositions import composition as composition
 from .kinds.compositions import extrapolation as extrapolation
 from .kinds.compositions import linear_combination as linear_combination
 from .kinds.compositions import repeat as repeat
-from .kinds.exponential import LawsonMethod as LawsonMethod
 from .kinds.extended_runge_kutta import ContinuousStageRungeKutta as ContinuousStageRungeKutta
 from .kinds.extended_runge_kutta import GeneralizedAdditiveRungeKutta as GeneralizedAdditiveRungeKutta
+from .kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .kinds.rosenbrock import Rosenbrock as Rosenbrock
 from .kinds.rosenbrock import WMethod as WMethod

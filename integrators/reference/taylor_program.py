@@ -240,8 +240,6 @@ class Operations:
     def function(self, name: str, term: Term) -> Term:
         """An elementary function of a term."""
         if term[1] == self.one:
-            import mpmath
-
             return _real(getattr(mpmath, name)(term[0])), self.one
         u = self.register(term)
         if (name, u) not in self._known:
@@ -267,8 +265,6 @@ class Operations:
         if name == "log":
             return self.power(u, Fraction(-1))
         if name == "erf":
-            import mpmath
-
             factor = 2 / mpmath.sqrt(mpmath.pi), self.one
             return self.product([factor, self.function("exp", self.product([minus, u, u]))])
         if name in ("atan", "asinh"):

@@ -8,7 +8,6 @@ form one subtree, so blocks of 2^k members can be computed anywhere.
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -19,6 +18,7 @@ import numpy as np
 
 from foundation.diagrams import draw_band, draw_legend, write_title
 from foundation.extras import optional_module
+from foundation.numbers import finite_or_none
 from foundation.plotting import BLUE, GREY, drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.errors import IntegratorError, shorten
@@ -338,10 +338,6 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
 
 
-def _finite(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
     """Statistics of each quantity; None for numbers that are not finite."""
     for name in result.names:
@@ -349,11 +345,11 @@ def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
         known = result.count > 0
         yield {
             "what": name,
-            "mean_at_start": _finite(mean[0]),
-            "mean_at_end": _finite(mean[-1]),
-            "std_at_end": _finite(std[-1]),
-            "minimum": _finite(result.minimum[name][known].min(initial=np.inf)),
-            "maximum": _finite(result.maximum[name][known].max(initial=-np.inf)),
+            "mean_at_start": finite_or_none(mean[0]),
+            "mean_at_end": finite_or_none(mean[-1]),
+            "std_at_end": finite_or_none(std[-1]),
+            "minimum": finite_or_none(result.minimum[name][known].min(initial=np.inf)),
+            "maximum": finite_or_none(result.maximum[name][known].max(initial=-np.inf)),
         }
 
 

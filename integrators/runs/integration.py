@@ -151,16 +151,11 @@ def integrate(
         span: The length of time instead of `steps`; the last step may end later.
         y0: The start, (variables,); by default that of the scene (at time `t0` if the time is among its variables).
         t0: The time at the start.
-        parts: The parts of the scene that the parts of the method stand for; see `stepper`.
+        parts, compensated, split, solver, average_nodes, control: As for `stepper`.
         save_every: Store the start, every `save_every`-th state, and the last; None stores start and end only.
         observe: Quantities to observe, see `observers`: ``"energy"``, names of first integrals, ``"invariants"``,
             functions of (t, y); a list of these, or a mapping from names to them.
         observe_every: Observe the start, every `observe_every`-th state, and the last; by default the stored states.
-        compensated: Whether to use compensated summation.
-        split: Whether to split the coefficients of implicit methods, so that their rounding causes no drift.
-        solver: The solver for implicit stages: ``auto``, ``fixed-point`` or ``newton``; see `stepper`.
-        average_nodes: The number of quadrature nodes for averages of the field; see `stepper`.
-        control: A function σ(y) as text, for steps of variable size h σ(y); see `stepper`.
         progress: Called with the number of steps made and the total.
         to: A trajectory file. Rows are written as they come, to a folder with ``.part`` added to the name, which
             `load_trajectory` can read meanwhile; the file appears, complete, at the end.

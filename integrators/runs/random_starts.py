@@ -60,7 +60,7 @@ def perturbed_start(scene: Scene | str, spread: float) -> NormalStart:
     """
     scene = as_scene(scene)
     deviation = _not_negative(spread, "spread")
-    start = _checked(scene).y0
+    start = scene.y0
     return NormalStart(start, np.full(len(start), deviation))
 
 
@@ -88,7 +88,7 @@ def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
     """
     scene = as_scene(scene)
     scale = math.sqrt(_not_negative(temperature, "temperature"))
-    mean = _checked(scene).y0
+    mean = scene.y0
     momenta = _momenta(scene)
     p = slice(momenta.offset, momenta.end)
     places = {sympy.Symbol(name): k for k, name in enumerate(momenta.variables)}
@@ -102,12 +102,6 @@ def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
     root[p] = free_root - correction @ (conditions @ free_root)
     mean[p] = free_mean - correction @ (conditions @ (free_mean - mean[p]))
     return NormalStart(mean, root)
-
-
-def _checked(scene: Any) -> Scene:
-    if not isinstance(scene, Scene):
-        raise IntegratorError(f"scene must be a Scene, but was {shorten(repr(scene))}")
-    return scene
 
 
 def _not_negative(value: Any, argument: str) -> float:

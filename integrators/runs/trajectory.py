@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,6 +12,7 @@ import numpy as np
 
 from foundation.diagrams import draw_curves, write_title
 from foundation.extras import optional_module
+from foundation.numbers import finite_or_none
 from foundation.plotting import drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.arguments import items
@@ -343,15 +343,11 @@ def _title(run: Trajectory) -> str:
 def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
     """A record for each quantity and variable; None for numbers that are not finite."""
     for name, values in run.observed.items():
-        first, last = (_finite(value) for value in values[[0, -1]]) if len(values) else (None, None)
-        change = None if first is None else _finite(abs(values - first).max())
+        first, last = (finite_or_none(value) for value in values[[0, -1]]) if len(values) else (None, None)
+        change = None if first is None else finite_or_none(abs(values - first).max())
         yield {"what": name, "start": first, "end": last, "change": change}
     for name, values in zip(run.variables, run.y, strict=True) if len(run.t) else ():
         yield {"what": name, "start": float(values[0]), "end": float(values[-1])}
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _states(run: Trajectory) -> Table:

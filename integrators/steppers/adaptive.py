@@ -21,7 +21,7 @@ import sympy
 
 from integrators.compile.particle_loops import SiteSum
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.number_text import nearest_double
+from integrators.exact.expressions import nearest_double
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled

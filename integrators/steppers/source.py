@@ -16,8 +16,7 @@ import numpy as np
 
 from integrators.compile.printer import indented
 from integrators.steppers.adaptive import ControlText, control_text
-from integrators.steppers.averages import average_lines
-from integrators.steppers.flows import flow_lines
+from integrators.steppers.flows import average_lines, flow_lines
 from integrators.steppers.functions import diagonal
 from integrators.steppers.implicit_stages import SOLVERS, first_values
 from integrators.steppers.nodes import Nodes
@@ -37,13 +36,10 @@ from integrators.compile.lowering.units import lowered
 {constants}
 '''
 KERNELS = {
-    "integrators.steppers.kernels.flow_kernels": (
-        "add_products", "begin_flow", "end_flow", "extrapolate", "flow_point", "growth", "has_converged",
-        "midpoint_step", "next_interval",
-    ),
-    "integrators.steppers.kernels.stage_kernels": (
-        "BITS_OF_INFINITY", "STALLS", "failed", "falls", "largest", "negligible", "within_rounding",
-        "add_product", "assemble", "clear", "factorize", "solve", "subtract_from_identity",
+    "integrators.steppers.kernels": (
+        "BITS_OF_INFINITY", "STALLS", "add_product", "add_products", "assemble", "begin_flow", "clear", "end_flow",
+        "extrapolate", "factorize", "failed", "falls", "flow_point", "growth", "has_converged", "largest",
+        "midpoint_step", "negligible", "next_interval", "solve", "subtract_from_identity", "within_rounding",
     ),
     "integrators.compile.machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
 }  # fmt: skip

@@ -149,8 +149,6 @@ class Options(NamedTuple):
 def fraction(number: Any) -> Fraction:
     """Approximate a coefficient by a rational number, to `DECIMALS` digits."""
     if hasattr(number, "evalf"):
-        import sympy
-
         digits: Any = sympy.Rational(number.evalf(DECIMALS))
         return Fraction(int(digits.p), int(digits.q))
     return Fraction(number)

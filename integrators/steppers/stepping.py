@@ -25,7 +25,7 @@ from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import TIME, read_control, start_control
-from integrators.steppers.averages import MOST_NODES
+from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
 from integrators.steppers.nodes import Nodes
 from integrators.steppers.plan import plan
@@ -52,7 +52,7 @@ def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, 
           Plan
             │   source          source.py          the loop over steps, memory
             │                   writer.py          arrays and functions; calls of the field and its derivatives
-            │                   averages.py, flows.py, implicit_stages.py    the other kinds of evaluations
+            │                   flows.py, implicit_stages.py    the other kinds of evaluations
             ▼
         StepSource
             │   machine code    compile.modules    module from source

@@ -15,7 +15,7 @@ import sympy
 from integrators.compile.operation_graph import simplest
 from integrators.compile.printer import ModuleText
 from integrators.exact.entries import round_entry
-from integrators.exact.number_text import literal
+from integrators.exact.expressions import literal
 from integrators.steppers.forms import FormWriter, grouped
 from integrators.steppers.functions import Diagonal, Functions, diagonal
 from integrators.steppers.nodes import Nodes

@@ -1,7 +1,10 @@
-"""Fixtures of the series tests: both executions of the kernels, and random exact series."""
+"""Fixtures of the series tests: both executions of the kernels, random exact series, and a browser."""
 
 import random
+import shutil
+from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
@@ -35,3 +38,16 @@ def random_series():
         return BSeries.from_rule(rule, order, empty=empty, colors=colors)
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, driven by Playwright, which keeps an event loop running as long."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("there is no browser")
+    with playwright.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield started
+        started.close()

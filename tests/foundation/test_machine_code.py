@@ -85,6 +85,19 @@ def test_c_functions_are_found_again(directory, kernels):
     assert [one.cache_hits for one in made] == [0, 1]
 
 
+def test_compiling_is_known_while_it_lasts(directory, kernels, monkeypatch):
+    seen, compile_extra = [], numba.core.compiler.compile_extra
+
+    def compiling(*arguments, **options):
+        seen.append(machine_code.is_compiling())
+        return compile_extra(*arguments, **options)
+
+    monkeypatch.setattr(numba.core.compiler, "compile_extra", compiling)
+    assert [hits(kernels.cube) for _ in range(2)] == [0, 1]
+    assert seen == [True]
+    assert not machine_code.is_compiling()
+
+
 def test_a_signature_compiles_at_once(directory, kernels):
     for found in (0, 1):
         compiled = njit(numba.float64(numba.float64))(kernels.cube)

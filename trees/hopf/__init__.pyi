@@ -1,9 +1,9 @@
-from .antipodes import antipode as antipode
-from .antipodes import grossman_larson_antipode as grossman_larson_antipode
-from .antipodes import substitution_antipode as substitution_antipode
+from .coproducts import antipode as antipode
 from .coproducts import coproduct as coproduct
 from .coproducts import counit as counit
+from .coproducts import grossman_larson_antipode as grossman_larson_antipode
 from .coproducts import grossman_larson_coproduct as grossman_larson_coproduct
+from .coproducts import substitution_antipode as substitution_antipode
 from .coproducts import substitution_coproduct as substitution_coproduct
 from .coproducts import substitution_counit as substitution_counit
 from .forests import Forest as Forest

@@ -1,17 +1,33 @@
-"""Coproducts of forests and their counits: admissible cuts, contractions of parts, divisions of forests.
+"""Coproducts of forests, their counits and antipodes: admissible cuts, contractions of parts, divisions of forests.
 
-Each coproduct is linear and multiplicative, hence defined by its values on trees.
+Each coproduct is linear and multiplicative, hence defined by its values on trees. Antipodes are inverses of the
+identity under convolution; they give the series of inverse maps.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache
+from math import factorial, prod
 from typing import Any
 
+from trees.counting import MOST_NODES
+from trees.errors import TreeError
 from trees.hopf.forests import Forest, rooted
-from trees.hopf.sums import FormalSum, Summand, as_sum
-from trees.hopf.terms import KEPT, Terms, check_work, fold, multiply_terms, work_of
+from trees.hopf.products import graft
+from trees.hopf.sums import (
+    KEPT,
+    FormalSum,
+    Summand,
+    Terms,
+    add_terms,
+    as_sum,
+    check_work,
+    fold,
+    multiply_terms,
+    work_of,
+)
 from trees.tree import Tree
 
 _NONE = Forest()
@@ -59,14 +75,7 @@ def _cuts(tree: Tree) -> FormalSum:
 def counit(x: Summand) -> Any:
     """The counit of the Connes–Kreimer and of the Grossman–Larson coproduct: the coefficient of the empty forest.
 
-    Args:
-        x: A tree, a forest, a text for one, or a sum of forests.
-
-    Returns:
-        The coefficient.
-
-    Raises:
-        TreeError: If x is none of these.
+    The argument and the errors are those of `coproduct`.
 
     Example:
         >>> counit("[τ]"), counit(3 * FormalSum("∅") + Forest("τ"))
@@ -83,14 +92,7 @@ def substitution_coproduct(x: Summand) -> FormalSum:
     right is that of substitute(b, a) = b ★ a. A tree with n nodes has 2^(n−1) terms, counted with multiplicity. Single
     nodes are kept, so this is a bialgebra; see `substitution_antipode`.
 
-    Args:
-        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
-
-    Returns:
-        A sum of tensor products of two forests.
-
-    Raises:
-        TreeError: If x is none of these, or has too many partitions.
+    The argument, the kind of result and the errors are those of `coproduct`.
 
     Example:
         >>> substitution_coproduct("[[τ]]")
@@ -129,14 +131,8 @@ def _partitions(tree: Tree) -> FormalSum:
 def substitution_counit(x: Summand) -> Any:
     """The counit of the substitution coproduct: 1 for a single node of any colour, 0 for larger trees.
 
-    Args:
-        x: A tree, a forest, a text for one, or a sum of forests.
-
-    Returns:
-        Its value: the sum of the coefficients of ∅ and of the forests of single nodes.
-
-    Raises:
-        TreeError: If x is none of these.
+    On a sum it is the sum of the coefficients of ∅ and of the forests of single nodes. The argument and the errors are
+    those of `coproduct`.
 
     Example:
         >>> substitution_counit("τ"), substitution_counit("τ·[τ]"), substitution_counit("p·q")
@@ -151,14 +147,7 @@ def grossman_larson_coproduct(x: Summand) -> FormalSum:
     It is multiplicative for both products of forests, the commutative one and `grossman_larson`. For trees as vector
     fields and forests as differential operators, it is the product rule. k different trees have 2^k terms.
 
-    Args:
-        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
-
-    Returns:
-        A sum of tensor products of two forests.
-
-    Raises:
-        TreeError: If x is none of these, or there are too many terms.
+    The argument, the kind of result and the errors are those of `coproduct`.
 
     Example:
         >>> grossman_larson_coproduct("τ^2")
@@ -184,3 +173,122 @@ def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: in
         return FormalSum.from_terms(value)
 
     return as_sum(x, "x").map(of_forest)
+
+
+def antipode(x: Summand) -> FormalSum:
+    """The antipode of the Connes–Kreimer Hopf algebra.
+
+    S(τ) = Σ (−1)^k τ₁ · … · τ_k over all sets of edges whose deletion leaves the k parts τ₁, …, τ_k. The value of S(τ)
+    for a series a is that of a.inverse() at τ. A tree with n nodes has 2^(n−1) terms, counted with multiplicity.
+
+    Returns a sum of forests. The argument and the errors are those of `coproduct`.
+
+    Example:
+        >>> antipode("[τ,τ]")
+        -τ·τ·τ + 2 τ·[τ] - [τ,τ]
+
+    References:
+        Connes, Kreimer (1998), doi:10.1007/s002200050499.
+    """
+    return multiplicative(x, _signed_partitions, 1)
+
+
+@lru_cache(maxsize=KEPT)
+def _signed_partitions(tree: Tree) -> FormalSum:
+    """As `_partitions`, without the skeleton, with a sign for each part."""
+
+    def lift(subtree: Tree, partitions: Terms) -> Terms:
+        lifted: dict[Any, Any] = {}
+        for (inner, parts), count in partitions.items():
+            own = rooted(inner, subtree.color)
+            lifted[own, parts] = count
+            complete = (_NONE, parts * own)
+            lifted[complete] = lifted.get(complete, 0) - count
+        return lifted
+
+    lifted = fold(tree, {(_NONE, _NONE): 1}, lift)
+    return FormalSum.from_terms({(parts,): count for (own, parts), count in lifted.items() if not own})
+
+
+def substitution_antipode(x: Summand) -> FormalSum:
+    """The antipode of the Hopf algebra of substitution, in which the single node of each colour is the unit ∅.
+
+    The bialgebra of `substitution_coproduct` has no antipode, since a single node has the coproduct τ⊗τ. Following
+    Calaque, Ebrahimi-Fard and Manchon, single nodes of all colours are identified with ∅, so none occurs in the result.
+    The value of S(τ) for a field b with coefficient 1 of all single nodes is that of its inverse c for ★, with
+    b ★ c = c ★ b = f. The work grows two- to threefold with each node; trees of more than 60 nodes are refused.
+
+    Returns a sum of forests without single nodes. The argument and the errors are those of `coproduct`.
+
+    Example:
+        >>> substitution_antipode("[[τ]]"), substitution_antipode("τ")
+        (-[[τ]] + 2 [τ]·[τ], ∅)
+
+    References:
+        Calaque, Ebrahimi-Fard, Manchon (2011), doi:10.1016/j.aam.2009.08.003, section 4.
+    """
+    return multiplicative(x, _substitution_inverse, 1)
+
+
+@lru_cache(maxsize=KEPT)
+def _substitution_inverse(tree: Tree) -> FormalSum:
+    """S(τ) = −Σ parts · S(skeleton) over all skeletons with fewer nodes than τ."""
+    if tree.order > MOST_NODES:
+        raise TreeError(f"x must have trees of at most {MOST_NODES} nodes, but has one of {tree.order}")
+    if tree.order == 1:
+        return FormalSum(_NONE)
+    contractions: dict[Tree, dict[Any, Any]] = {}  # the parts of each skeleton, without single nodes
+    for (parts, skeleton), count in substitution_coproduct(tree).terms.items():
+        if skeleton.order < tree.order:
+            larger = Forest.from_sorted(tuple([part for part in parts if part.order > 1]))
+            add_terms(contractions.setdefault(skeleton.trees[0], {}), {(larger,): count})
+    total: dict[Any, Any] = {}
+    for skeleton, parts in contractions.items():
+        add_terms(total, multiply_terms(parts, _substitution_inverse(skeleton).terms), -1)
+    return FormalSum.from_terms(total)
+
+
+def grossman_larson_antipode(x: Summand) -> FormalSum:
+    """The antipode of the Grossman–Larson Hopf algebra, dual to that of Connes and Kreimer.
+
+    S(τ₁ · … · τ_k) is (−1)^k times the sum of all forests obtained by attaching some of the k trees to nodes of others,
+    in (n+1)^(k−1) ways for n nodes in total.
+
+    Returns a sum of forests. The argument and the errors are those of `coproduct`.
+
+    Example:
+        >>> grossman_larson_antipode("τ"), grossman_larson_antipode("τ·[τ]")
+        (-τ, τ·[τ] + 2 [[τ]] + [τ,τ])
+
+    References:
+        Grossman, Larson (1989), doi:10.1016/0021-8693(89)90328-1.
+    """
+    return as_sum(x, "x").map(lambda forest: (-1) ** len(forest) * _assemblies(forest))
+
+
+@lru_cache(maxsize=KEPT)
+def _assemblies(forest: Forest) -> FormalSum:
+    """The sum of all forests obtained by attaching some of the trees to nodes of others.
+
+    The first tree forms one tree with some of the others; the remaining ones are independent of it.
+    """
+    if not forest:
+        return FormalSum(forest)
+    ways = (forest.order + 1) ** (len(forest) - 1)
+    check_work(ways // prod(factorial(copies) for copies in Counter(forest).values()))  # at most this many are equal
+    first, rest = forest.trees[0], Forest.from_sorted(forest.trees[1:])
+    total: dict[Any, Any] = {}
+    for (joined, others), count in grossman_larson_coproduct(rest).terms.items():
+        add_terms(total, multiply_terms(_connected(joined * first).terms, _assemblies(others).terms), count)
+    return FormalSum.from_terms(total)
+
+
+@lru_cache(maxsize=KEPT)
+def _connected(forest: Forest) -> FormalSum:
+    """The assemblies that are one tree: each tree in turn, with assemblies of all others attached."""
+    total: dict[Any, Any] = {}
+    for root, copies in Counter(forest).items():
+        at = forest.trees.index(root)
+        others = Forest.from_sorted(forest.trees[:at] + forest.trees[at + 1 :])
+        add_terms(total, graft(_assemblies(others), root).terms, copies)
+    return FormalSum.from_terms(total)

@@ -13,8 +13,7 @@ from math import comb, prod
 from typing import Any
 
 from trees.hopf.forests import Forest, rooted
-from trees.hopf.sums import FormalSum, Summand, as_sum
-from trees.hopf.terms import KEPT, Terms, add_terms, check_work, fold, work_of
+from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, add_terms, as_sum, check_work, fold, work_of
 from trees.tree import Tree
 
 
@@ -53,15 +52,7 @@ def grossman_larson(x: Summand, y: Summand) -> FormalSum:
     x. With ⟨φ, φ⟩ = σ(φ) it is dual to the Connes–Kreimer coproduct: the coefficient of z in x ∗ y times
     σ(z) is that of x⊗y in Δ(z) times σ(x) σ(y). For x of k trees and y of n nodes there are (n+1)^k ways.
 
-    Args:
-        x: The attached operand: a tree, a forest, a text for one, or a sum of forests; of any colours.
-        y: The other operand, likewise.
-
-    Returns:
-        A sum of forests. The product is associative, and ∅ is its unit.
-
-    Raises:
-        TreeError: If x or y is none of these, or there are too many ways.
+    The arguments and the errors are those of `graft`. The product is associative, and ∅ is its unit.
 
     Example:
         >>> grossman_larson("τ", "[τ]"), grossman_larson("τ^2", "τ")
@@ -81,15 +72,7 @@ def tree_commutator(x: Summand, y: Summand) -> FormalSum:
     F([u, v]) is the Lie bracket of the vector fields F(u) and F(v): the derivative of F(v) in the direction F(u) minus
     that of F(u) in the direction F(v).
 
-    Args:
-        x: A tree, a forest, a text for one, or a sum of forests; of any colours.
-        y: The other operand, likewise.
-
-    Returns:
-        A sum of forests; of trees if x and y are sums of trees.
-
-    Raises:
-        TreeError: If x or y is none of these, or there are too many terms.
+    The arguments and the errors are those of `graft`; of trees, the result is a sum of trees.
 
     Example:
         >>> tree_commutator("τ", "[τ]")

@@ -34,16 +34,14 @@ from foundation.table import Table
 def conditions(
     kind: str,
     order: int,
-    stages: int | None,
-    colors: int | None,
+    *,
     explicit: bool,
     structure: str | None,
     assume: str | None,
     scalar: str | None,
-    symmetric: bool,
-    max_children: Any,
     language: str | None,
     output: Output,
+    **options: Any,
 ) -> Table | str:
     """The order conditions of a kind of methods.
 
@@ -64,18 +62,9 @@ def conditions(
     if explicit and structure is not None:
         raise Refusal(f"structure must be left out where --explicit is given, but was {structure!r:.60}")
     names = (structure or "full").split(",")
-    found = order_conditions(
-        kind,
-        order,
-        stages=stages,
-        colors=colors,
-        structure=names[0] if len(names) == 1 else names,
-        explicit=explicit,
-        assumptions=assume,
-        scalar=scalar or False,
-        symmetric=symmetric,
-        max_children=max_children,
-    )
+    given = names[0] if len(names) == 1 else names
+    options |= {"explicit": explicit, "structure": given, "assumptions": assume, "scalar": scalar or False}
+    found = order_conditions(kind, order, **options)
     if language is not None:
         return found.code(language)
     output.check_rows(len(found))

@@ -36,10 +36,7 @@ def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict
     import numpy as np
 
     words = LyndonWords(order)
-    odd = {1: [Fraction(1), Fraction(1)]}
-    for n in range(3, order + 1, 2):
-        numerators, denominator = odd_coordinates(words, n)
-        odd[n] = [Fraction(x, denominator) for x in numerators]
+    odd = {1: ([1, 1], 1)} | {n: odd_coordinates(words, n) for n in range(3, order + 1, 2)}
     powers = range(order)
     if symmetric:  # the odd degrees, divided by cosh(ad_A/2)
         operator = _over_cosh([Fraction(int(k == 0)) for k in powers])
@@ -47,8 +44,8 @@ def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict
         operator = _over_cosh([Fraction(k % 2, 2**k * math.factorial(k)) for k in powers])
     letters, terms = np.array(list(names), object), []
     for n in range(1, order + 1):
-        known = not symmetric and odd.get(n)
-        coordinates = known or _applied(operator, odd, words, n)
+        numerators, denominator = (not symmetric and odd.get(n)) or _applied(operator, odd, words, n)
+        coordinates = [Fraction(x, denominator) for x in numerators]
         bits = words.codes[words.of_length(n)][:, None] >> np.arange(n)[::-1] & 1
         terms.append(dict(zip(map(tuple, letters[bits].tolist()), coordinates, strict=True)))
     return terms
@@ -64,19 +61,23 @@ def _over_cosh(series: Sequence[Fraction]) -> list[Fraction]:
 
 
 def _applied(
-    operator: Sequence[Fraction], odd: dict[int, list[Fraction]], words: LyndonWords, n: int
-) -> list[Fraction]:
-    """The term of degree n of a power series in ad_A, applied to an element with terms of odd degree."""
-    found = [Fraction(0)] * len(words.of_length(n))
+    operator: Sequence[Fraction], odd: dict[int, tuple[list[int], int]], words: LyndonWords, n: int
+) -> tuple[list[int], int]:
+    """The term of degree n of a power series in ad_A, applied to an element with terms of odd degree.
+
+    Coordinates are integers over a common denominator, those of the result too.
+    """
+    factors = {m: operator[n - m] / odd[m][1] for m in odd if m <= n and operator[n - m]}
+    denominator = math.lcm(*(factor.denominator for factor in factors.values()))
+    found = [0] * len(words.of_length(n))
     first = words.of_length(n).start
-    for m, coordinates in odd.items():
-        factor = operator[n - m] if m <= n else 0
-        if factor:
-            places = words.place[(1 << n) + words.codes[words.of_length(m)]].tolist()
-            for at, x in zip(places, coordinates, strict=True):
-                if at >= 0:  # A^n is no Lyndon word
-                    found[at - first] += factor * x
-    return found
+    for m, factor in factors.items():
+        multiple = int(factor * denominator)
+        places = words.place[(1 << n) + words.codes[words.of_length(m)]].tolist()
+        for at, x in zip(places, odd[m][0], strict=True):
+            if at >= 0:  # A^n is no Lyndon word
+                found[at - first] += multiple * x
+    return found, denominator
 
 
 def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:

@@ -9,10 +9,10 @@ from itertools import zip_longest
 
 from integrators.methods.catalogue.implicit import legendre
 from integrators.methods.catalogue.registry import MethodEntry, lower_rows, method
-from integrators.methods.kinds.exponential import LawsonMethod
 from integrators.methods.kinds.extended_runge_kutta import (
     ContinuousStageRungeKutta,
     GeneralizedAdditiveRungeKutta,
+    LawsonMethod,
     TwoDerivativeRungeKutta,
 )
 from integrators.methods.tableaux.runge_kutta import RungeKutta

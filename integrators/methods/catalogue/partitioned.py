@@ -1,7 +1,8 @@
-"""Partitioned methods for y = (p, q), with p' = −H_q and q' = H_p.
+"""Methods for y = (p, q): partitioned ones for p' = −H_q, q' = H_p; Nyström and force-gradient ones for q'' = g(q).
 
-If the two tableaux differ, each is the symplectic conjugate of the other, b_i â_ij + b̂_j a_ji = b_i b̂_j, and the pair
-is symplectic (Hairer, Lubich, Wanner, Geometric Numerical Integration, Theorem VI.4.6).
+If the two tableaux of a pair differ, each is the symplectic conjugate of the other, b_i â_ij + b̂_j a_ji = b_i b̂_j, and
+the pair is symplectic (Hairer, Lubich, Wanner, Geometric Numerical Integration, Theorem VI.4.6). Second-order equations
+are read as a system p' = g(q), q' = p.
 """
 
 from __future__ import annotations
@@ -11,18 +12,24 @@ from functools import partial
 from typing import Any
 
 from integrators.methods.catalogue.implicit import gauss, lobatto_iiia, lobatto_iiib
-from integrators.methods.catalogue.registry import MethodEntry
+from integrators.methods.catalogue.registry import MethodEntry, lower_rows
+from integrators.methods.kinds.second_order import ForceGradient, RungeKuttaNystrom, TakahashiImada
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), §II.2 and §VI.3–VI.4, doi:10.1007/3-540-30666-8"
-VERLET = (
-    "L. Verlet, Phys. Rev. 159 (1967) 98–103, doi:10.1103/PhysRev.159.98; "
-    "Hairer, Lubich, Wanner, Acta Numerica 12 (2003) 399–450, doi:10.1017/S0962492902000144"
-)
+VERLET = "L. Verlet, Phys. Rev. 159 (1967) 98–103, doi:10.1103/PhysRev.159.98"
+STORMER_VERLET = f"{VERLET}; Hairer, Lubich, Wanner, Acta Numerica 12 (2003) 399–450, doi:10.1017/S0962492902000144"
 SUN = (
     "G. Sun, J. Comput. Math. 11 (1993) 365–372; L. O. Jay, SIAM J. Numer. Anal. 33 (1996) 368–387, doi:10.1137/0733019"
 )
+NYSTROM = (
+    "E. J. Nyström, Acta Soc. Sci. Fennicae 50 (1925) 1–55; Hairer, Nørsett, Wanner, Solving Ordinary Differential "
+    "Equations I (1993), §II.14, doi:10.1007/978-3-540-78862-1"
+)
+TAKAHASHI_IMADA = "M. Takahashi, M. Imada, J. Phys. Soc. Japan 53 (1984) 3765–3769, doi:10.1143/JPSJ.53.3765"
+SIMPLIFIED = "E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019"
+CHIN = "S. A. Chin, Phys. Lett. A 226 (1997) 344–348, doi:10.1016/S0375-9601(97)00003-0"
 
 
 def _pair(p: Callable[..., RungeKutta], q: Callable[..., RungeKutta], **labels: Any) -> PartitionedRungeKutta:
@@ -37,6 +44,21 @@ IMPLICIT_EULER = partial(RungeKutta, [["1"]], ["1"])
 HALF_STEP = partial(RungeKutta, [["1/2", "0"], ["1/2", "0"]], ["1/2", "1/2"])
 END_POINTS = partial(RungeKutta, [["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"])
 
+
+def _nystrom(
+    positions: tuple[str, ...], b_bar: str, b: str, c: str, momenta: tuple[str, ...] = ()
+) -> Callable[..., RungeKuttaNystrom]:
+    """Builder of an explicit method from its matrices below the diagonal."""
+    stages = len(positions)
+    rows = lower_rows(positions, stages), b_bar.split(), b.split(), c.split()
+    return partial(RungeKuttaNystrom, *rows, A=lower_rows(momenta, stages) or None)
+
+
+def _force_gradient(*coefficients: str) -> Callable[..., ForceGradient]:
+    """Builder of a method from its drifts, kicks and gradients."""
+    return partial(ForceGradient, *map(str.split, coefficients))
+
+
 METHODS = (
     MethodEntry("symplectic-euler-p", "partitioned", 1, 1,
         "implicit in p: p1 = p0 - h H_q(p1, q0), q1 = q0 + h H_p(p1, q0)", HLW,
@@ -45,10 +67,10 @@ METHODS = (
         "implicit in q: p1 = p0 - h H_q(p0, q1), q1 = q0 + h H_p(p0, q1)", HLW,
         partial(_pair, EXPLICIT_EULER, IMPLICIT_EULER)),
     MethodEntry("stormer-verlet-kdk", "partitioned", 2, 2,
-        "kick-drift-kick: half a step in p, a step in q, half a step in p; lobatto-iiia-iiib2", VERLET,
+        "kick-drift-kick: half a step in p, a step in q, half a step in p; lobatto-iiia-iiib2", STORMER_VERLET,
         partial(_pair, HALF_STEP, END_POINTS), ("stormer-verlet", "velocity-verlet", "leapfrog", "UTU")),
     MethodEntry("stormer-verlet-dkd", "partitioned", 2, 2,
-        "drift-kick-drift: half a step in q, a step in p, half a step in q; lobatto-iiib-iiia2", VERLET,
+        "drift-kick-drift: half a step in q, a step in p, half a step in q; lobatto-iiib-iiia2", STORMER_VERLET,
         partial(_pair, END_POINTS, HALF_STEP), ("position-verlet", "TUT")),
     MethodEntry("lobatto-iiia-iiib", "partitioned", None, "2s-2",
         "q by Lobatto IIIA and p by Lobatto IIIB, so that two stages are stormer-verlet-kdk", SUN,
@@ -59,4 +81,29 @@ METHODS = (
     MethodEntry("gauss-gauss", "partitioned", None, "2s",
         "p and q by the same Gauss method, which is its own symplectic conjugate", HLW, partial(_pair, gauss, gauss),
         aliases=("partitioned-gauss", "gauss-pair")),
+    MethodEntry("rkn-verlet", "nystrom", 2, 2, "the Störmer-Verlet method for q'' = g(q), as a Nyström method", VERLET,
+        _nystrom(("", "1/2"), "1/2 0", "1/2 1/2", "0 1"), ("nystrom-verlet",)),
+    MethodEntry("rkn-nystrom4", "nystrom", 3, 4, "Nyström's method of order 4 for q'' = g(q)", NYSTROM,
+        _nystrom(("", "1/8", "0 1/2"), "1/6 1/3 0", "1/6 2/3 1/6", "0 1/2 1")),
+    MethodEntry("rkn-nystrom5", "nystrom", 4, 5, "Nyström's method of order 5 for q'' = g(q)", NYSTROM,
+        _nystrom(("", "1/50", "-1/27 7/27", "3/10 -2/35 9/35"), "14/336 100/336 54/336 0",
+            "14/336 125/336 162/336 35/336", "0 1/5 2/3 1")),
+    MethodEntry("rkn-nystrom4-general", "nystrom", 4, 4,
+        "Nyström's method of order 4 for q'' = g(q, q'), with the nodes and weights of rk4", NYSTROM,
+        _nystrom(("", "1/8", "1/8 0", "0 0 1/2"), "1/6 1/6 1/6 0", "1/6 1/3 1/3 1/6", "0 1/2 1/2 1",
+            ("", "1/2", "0 1/2", "0 0 1"))),
+    MethodEntry("takahashi-imada", "force gradient", 2, 2,
+        "Störmer-Verlet with the force f + alpha h^2 f' f, alpha = 1/12: symplectic, conjugate to a method of order 4",
+        TAKAHASHI_IMADA, TakahashiImada, options=("alpha",)),
+    MethodEntry("simplified-takahashi-imada", "force gradient", 2, 2,
+        "Störmer-Verlet with the force f(q + alpha h^2 f(q)), alpha = 1/12: preserves volume, not symplectic",
+        SIMPLIFIED, partial(TakahashiImada, simplified=True), options=("alpha",)),
+    MethodEntry("chin4a", "force gradient", 3, 4,
+        "kicks h/6, 2h/3, h/6, the one in the middle with its gradient; no step backwards in time", CHIN,
+        _force_gradient("0 1/2 1/2 0", "1/6 2/3 1/6", "0 1/36 0")),
+    MethodEntry("chin4b", "force gradient", 2, 4, "two kicks h/2 with gradients; no step backwards in time", CHIN,
+        _force_gradient("1/2-sqrt(3)/6 sqrt(3)/3 1/2-sqrt(3)/6", "1/2 1/2", "1/12-sqrt(3)/24 1/12-sqrt(3)/24")),
+    MethodEntry("chin4c", "force gradient", 3, 4,
+        "kicks 3h/8, h/4, 3h/8, the one in the middle with its gradient; no step backwards in time, small errors", CHIN,
+        _force_gradient("1/6 1/3 1/3 1/6", "3/8 1/4 3/8", "0 1/96 0")),
 )  # fmt: skip

@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from foundation.table import Column, Table, Tabular, listed
-from integrators.core.catalogues import declared_entries, index_by_name, plug_in_entries, spelling
+from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
@@ -155,18 +155,7 @@ def catalogue() -> MethodCatalogue:
         >>> [entry.name for entry in catalogue() if entry.kind == "diagonally implicit"][:3]
         ['implicit-euler', 'implicit-midpoint', 'trapezoidal']
     """
-    return _entries()
-
-
-@cache
-def _entries() -> MethodCatalogue:
-    added = plug_in_entries(GROUP, MethodEntry, _built_in(), _check_entry)
-    return MethodCatalogue(sorted([*_declared(), *added], key=lambda entry: KINDS.index(entry.kind)))
-
-
-@cache
-def _declared() -> list[MethodEntry]:
-    return declared_entries(__package__ or "", "METHODS")  # these files import this one
+    return MethodCatalogue(sorted(REGISTER.entries, key=lambda entry: KINDS.index(entry.kind)))
 
 
 def _check_entry(entry: MethodEntry) -> None:
@@ -174,6 +163,9 @@ def _check_entry(entry: MethodEntry) -> None:
         raise IntegratorError(f"kind of {entry.name} must be one of {', '.join(KINDS)}, but was {entry.kind!r:.60}")
     if not callable(entry.build):
         raise IntegratorError(f"build of {entry.name} must be a function, but was {entry.build!r:.60}")
+
+
+REGISTER = Register(__package__ or "", "METHODS", GROUP, MethodEntry, _check_entry)
 
 
 def method(name: str, /, **parameters: Any) -> Method:
@@ -225,24 +217,13 @@ def _build(entry: MethodEntry, stages: int | None) -> Method:
     return entry.build(name=f"{entry.name}{stages}", reference=entry.reference, stages=stages)
 
 
-@cache
-def _index() -> dict[str, tuple[MethodEntry, str]]:
-    return index_by_name(_entries())
-
-
-@cache
-def _built_in() -> dict[str, tuple[MethodEntry, str]]:
-    return index_by_name(_declared())
-
-
 def _find(name: str) -> tuple[MethodEntry, int | None]:
     """The entry of a name, and the number of stages after a family's name."""
     if not isinstance(name, str):
         raise IntegratorError(f"name must be the name of a method, but was {name!r:.60}")
     key = spelling(name)
     stem = key.rstrip(_DIGITS)
-    # The entry points of all distributions are read only for names that are not built in.
-    index = _built_in() if key in _built_in() or stem in _built_in() else _index()
+    index = REGISTER.index_with(key, stem)
     entry, _ = index.get(key, (None, ""))
     if entry is not None:
         if entry.is_family:
@@ -267,29 +248,20 @@ def _miss(name: str, key: str) -> str:
 
     near: dict[str, str] = {}
     if 1 < len(key) <= 60:
-        found = [filed for filed in _index() if key in filed]
-        found += get_close_matches(key, _index(), n=3, cutoff=0.6)
-        found += get_close_matches(key.rstrip(_DIGITS), _index(), n=2, cutoff=0.75)
-        for entry, alias in map(_index().__getitem__, found):
+        index = REGISTER.index
+        found = [filed for filed in index if key in filed]
+        found += get_close_matches(key, index, n=3, cutoff=0.6)
+        found += get_close_matches(key.rstrip(_DIGITS), index, n=2, cutoff=0.75)
+        for entry, alias in map(index.__getitem__, found):
             near.setdefault(entry.name, alias + "{s}" * entry.is_family)
     hint = f"; the nearest are {', '.join(list(near.values())[:4])}" if near else ""
     return f"name must be a method of the catalogue, but was {name!r:.60}{hint}"
 
 
 RECOMMENDED = {
-    "splitting": {
-        4: "blanes-moan4",
-        6: "blanes-moan6",
-        8: "sofroniou-spaletta8",
-        10: "sofroniou-spaletta10",
-    },
+    "splitting": {4: "blanes-moan4", 6: "blanes-moan6", 8: "sofroniou-spaletta8", 10: "sofroniou-spaletta10"},
     "nystrom splitting": {4: "blanes-moan-rkn4", 6: "blanes-moan-rkn6", 8: "blanes-casas-rkn8"},
-    "composition": {
-        4: "suzuki4",
-        6: "sofroniou-spaletta6",
-        8: "sofroniou-spaletta8",
-        10: "sofroniou-spaletta10",
-    },
+    "composition": {4: "suzuki4", 6: "sofroniou-spaletta6", 8: "sofroniou-spaletta8", 10: "sofroniou-spaletta10"},
 }
 
 

@@ -14,11 +14,10 @@ from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
-from integrators.methods.exchange.formats import FORMATS
-from integrators.methods.exchange.tableau_parts import Entries, Format
+from integrators.methods.exchange.formats import FORMATS, Entries, Format
 from integrators.methods.programs.program import Method
-from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
+from integrators.methods.tableaux.weights import order_of_difference, order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""

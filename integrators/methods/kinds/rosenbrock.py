@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from functools import cached_property
 from typing import Any, Self
 
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
 from integrators.methods.programs.evaluations import LinearForm, combination
-from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, check_triangular, read_matrix, read_row
 
 
@@ -23,10 +21,7 @@ class Rosenbrock(ProgramMethod):
         alpha: the strictly lower triangular matrix α_ij, by rows.
         gamma: the lower triangular matrix γ_ij, by rows.
         b: the weights b_i.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
@@ -127,14 +122,9 @@ class WMethod(Rosenbrock):
     other trees vanish.
 
     Args:
-        alpha: the strictly lower triangular matrix α_ij, by rows.
-        gamma: the lower triangular matrix γ_ij, by rows.
-        b: the weights b_i.
+        alpha, gamma, b: as for `Rosenbrock`.
         parts: the names of the field and of the auxiliary part.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
@@ -157,10 +147,7 @@ class WMethod(Rosenbrock):
         coefficients = _read_coefficients(alpha, gamma, b, parameters)
         self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference, digits=digits)
 
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in the two parts and in total: W y is linear."""
-        return (None, None, None), (1, 1, 1)
+    max_children = (None, None, None), (1, 1, 1)  # W y is linear
 
     @property
     def _auxiliary(self) -> tuple[str, ...]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from typing import Any
 
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, read_entry
-from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.builder import SECOND_ORDER, ProgramBuilder, ProgramMethod, read_parts
 from integrators.methods.programs.evaluations import LinearForm, combination
-from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, read_matrix, read_row
 
 
@@ -31,10 +29,7 @@ class RungeKuttaNystrom(ProgramMethod):
         c: the nodes c_i.
         A: the matrix a_ij of momenta, for g(q, q'); None for g(q).
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: sizes that do not match, or an invalid entry.
@@ -78,16 +73,12 @@ class RungeKuttaNystrom(ProgramMethod):
             "A": None if A is None else read_matrix(A, "A", symbols, rows=stages, columns=stages),
         }
         self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference, digits=digits)
+        self.__dict__["max_children"] = SECOND_ORDER if A is None else ((None, None), (1, 0))
 
     @property
     def stages(self) -> int:
         """The number of stages."""
         return len(self.b)
-
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in p and in q: f^q is linear in p."""
-        return (None if self.A else 0, None), (1, 0)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         momentum, position = self.names
@@ -121,9 +112,7 @@ class ForceGradient(ProgramMethod):
         kicks: the s numbers b_i.
         gradients: the s numbers c_i.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
+        parameters, name, reference: as for `Splitting`.
 
     Raises:
         IntegratorError: the numbers of coefficients do not match, or a coefficient is invalid.
@@ -163,10 +152,7 @@ class ForceGradient(ProgramMethod):
         """The number of kicks."""
         return len(self.kicks)
 
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in p and in q: g depends on q, and q' is linear in p."""
-        return (0, None), (1, 0)
+    max_children = SECOND_ORDER
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         momentum, position = self.names
@@ -246,10 +232,7 @@ class TakahashiImada(ProgramMethod):
         """The number of force evaluations in a step, one at each end."""
         return 2
 
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in p and in q: f depends on q, and q' = p."""
-        return (0, None), (1, 0)
+    max_children = SECOND_ORDER
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         y = builder.y

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -13,9 +12,8 @@ from foundation.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, read_entry, sum_entries
-from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.builder import SECOND_ORDER, ProgramBuilder, ProgramMethod, read_parts
 from integrators.methods.programs.evaluations import LinearForm
-from integrators.methods.programs.program import ChildBounds
 from integrators.methods.tableaux.tableau_input import in_color_order
 
 
@@ -104,10 +102,7 @@ class NystromSplitting(Splitting):
     Args:
         flows: pairs (part, coefficient), in the order in which they are applied.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: there are not two parts, or the flows are not those of a `Splitting`.
@@ -131,10 +126,7 @@ class NystromSplitting(Splitting):
         names = read_parts(parts, count=2)
         super().__init__(flows, parts=names, parameters=parameters, name=name, reference=reference, digits=digits)
 
-    @cached_property
-    def max_children(self) -> ChildBounds:
-        """The degree of each part in p and in q: g depends on q, and q' is linear in p."""
-        return (0, None), (1, 0)
+    max_children = SECOND_ORDER
 
 
 def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:

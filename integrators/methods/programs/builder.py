@@ -175,6 +175,10 @@ class ProgramBuilder:
         return into
 
 
+SECOND_ORDER: ChildBounds = (0, None), (1, 0)
+"""The degree of each part in p and in q for q'' = g(q): g depends on q, and q' = M⁻¹ p is linear in p."""
+
+
 class ProgramMethod(Method):
     """A method given by the coefficients of its kind.
 
@@ -208,18 +212,13 @@ class ProgramMethod(Method):
         """The parts that do not belong to the field."""
         return ()
 
-    @cached_property
-    def max_children(self) -> ChildBounds | None:
-        """Bounds on derivatives of each part with respect to each part, and in all; None if unbounded."""
-        return None
+    max_children: ChildBounds | None = None  # type: ignore[assignment]  # not from the program, which reads it here
 
     @cached_property
     def program(self) -> Program:
         """The step as a program."""
         builder = ProgramBuilder(self.names if self.names != ("",) else (), auxiliary=self._auxiliary)
-        end = self._lower(builder)
-        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return builder.program(end, **labels, max_children=self.max_children)
+        return builder.program(self._lower(builder), **self.labels, max_children=self.max_children)
 
     def __str__(self) -> str:
         return str(self.program)

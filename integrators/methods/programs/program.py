@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from itertools import zip_longest
 from numbers import Real
 from typing import Any, TypeAlias
@@ -102,6 +103,11 @@ class Method(ImmutableValue):
     def digits(self) -> int | None:
         """The number of correct digits of coefficients published as decimals; None if they are exact."""
         return self.program.digits
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Name, reference and digits, as arguments of a program."""
+        return {"name": self.name, "reference": self.reference, "digits": self.digits}
 
     @cached_property
     def max_children(self) -> ChildBounds | None:
@@ -206,14 +212,13 @@ class Program(Method):
         for form in (*(form for e in self.evaluations for form in operands(e)), self.result):
             if any(e >= count for e in form.terms):
                 raise IntegratorError(f"evaluations must all be defined, but k{max(form.terms) + 1} is not")
-        remaining = set(range(count))
-        while remaining:
-            ready = {e for e in remaining if not remaining & self.same_order_registers(e)}
-            if not ready:
-                raise IntegratorError(
-                    f"forcing must not depend on the flow that it drives, but that of k{min(remaining) + 1} does"
-                )
-            remaining -= ready
+        try:
+            TopologicalSorter({e: self.same_order_registers(e) for e in range(count)}).prepare()
+        except CycleError as error:
+            e = min(error.args[1])
+            raise IntegratorError(
+                f"forcing must not depend on the flow that it drives, but that of k{e + 1} does"
+            ) from None
 
     def same_order_registers(self, e: int) -> set[int]:
         """The evaluations on which evaluation e depends without a factor of h."""
@@ -259,9 +264,7 @@ class Program(Method):
             "result": self.result,
             "parts": self.names,
             "auxiliary": self.auxiliary,
-            "name": self.name,
-            "reference": self.reference,
-            "digits": self.digits,
+            **self.labels,
             "max_children": self.max_children,
         }
         return Program(**arguments | changes)

@@ -20,7 +20,7 @@ from integrators.core.arguments import FAILURES, check_partition_names, paramete
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.evaluations import Derivative, Evaluation, Field, Flow, LinearForm
-from integrators.methods.programs.program import MAX_STAGES, Program
+from integrators.methods.programs.program import MAX_STAGES, Program, mapped
 
 UNKNOWN = 1_000_000
 """The number of the first unknown; unknowns are terms of forms until they are replaced by their equations."""
@@ -164,15 +164,7 @@ class Recorder:
         def form(value: LinearForm) -> LinearForm:
             return value.substituted(term, LinearForm(1))
 
-        evaluations = []
-        for evaluation in self.evaluations:
-            match evaluation:
-                case Field(part, at):
-                    evaluations.append(Field(part, form(at)))
-                case Derivative(part, at, along):
-                    evaluations.append(Derivative(part, form(at), form(along)))
-                case Flow(part, at, time):
-                    evaluations.append(Flow(part, form(at), time))
+        evaluations = [mapped(evaluation, form) for evaluation in self.evaluations]
         for at, time, place in self.times:
             self._check_time(evaluations, form(at), time, place)
         return tuple(evaluations), form(end)

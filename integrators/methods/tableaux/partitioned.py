@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from itertools import combinations
 from typing import Any
 
@@ -125,10 +126,7 @@ class PartitionedRungeKutta(Method):
         """No embedded weights."""
         return ()
 
-    @cached_property
-    def max_children(self) -> None:
-        """None: tableaux apply to all fields."""
-        return None
+    max_children = None  # type: ignore[assignment]  # tableaux apply to all fields
 
     @cached_property
     def digits(self) -> int | None:
@@ -187,8 +185,7 @@ class PartitionedRungeKutta(Method):
     @cached_property
     def program(self) -> Program:
         """The stages and the step as a program, with one evaluation for each part and stage."""
-        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program(self.partitions, self.names, **labels)
+        return tableau_program(self.partitions, self.names, **self.labels)
 
     def rational_program(self, decimals: int) -> Program:
         """The program, with rational numbers within 10^-decimals of entries that come from stage algebras."""
@@ -221,12 +218,10 @@ def _is_acyclic(sparsities: Sequence[Sequence[Sequence[bool]]]) -> bool:
         for part, rows in enumerate(sparsities)
         for i, row in enumerate(rows)
     }
-    while needs:
-        ready = {stage for stage, needed in needs.items() if not needed & needs.keys()}
-        if not ready:
-            return False
-        for stage in ready:
-            del needs[stage]
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError:
+        return False
     return True
 
 

@@ -22,22 +22,22 @@ MOST_EXACT_STAGES = 3
 """Methods with irrational entries and more stages are shown in floats."""
 
 
-def tableau_text(method: Any) -> str:
+def tableau_text(self: Any) -> str:
     """The tableau as text: nodes and stage matrix; below a line the weights and embedded weights."""
-    rows = _cell_texts(method)
+    rows = _cell_texts(self)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         " │ ".join((row[0].ljust(widths[0]), "  ".join(map(str.ljust, row[1:], widths[1:])))).rstrip() for row in rows
     ]
-    lines.insert(method.stages, "─" * (widths[0] + 1) + "┼" + "─" * (sum(widths[1:]) + 2 * len(widths) - 3))
+    lines.insert(self.stages, "─" * (widths[0] + 1) + "┼" + "─" * (sum(widths[1:]) + 2 * len(widths) - 3))
     return "\n".join(lines)
 
 
-def tableau_html(method: Any) -> str:
+def tableau_html(self: Any) -> str:
     """The tableau as an HTML table."""
     rows = []
-    for i, cells in enumerate(_cell_texts(method)):
-        top = "border-top:1px solid;" if i == method.stages else ""
+    for i, cells in enumerate(_cell_texts(self)):
+        top = "border-top:1px solid;" if i == self.stages else ""
         first, *others = (f'<td style="{top}%stext-align:left">{cell}</td>' for cell in cells)
         rows.append("<tr>" + first % "border-right:1px solid;" + "".join(other % "" for other in others) + "</tr>")
     return f'<table style="border-collapse:collapse">{"".join(rows)}</table>'

@@ -116,11 +116,8 @@ class RungeKutta(Method):
     def __repr__(self) -> str:
         return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
 
-    def __str__(self) -> str:
-        return tableau_text(self)
-
-    def _repr_html_(self) -> str:
-        return tableau_html(self)
+    __str__ = tableau_text
+    _repr_html_ = tableau_html
 
     def to_latex(self) -> str:
         """The tableau as a LaTeX array; long irrational entries are rounded to floats.
@@ -190,10 +187,7 @@ class RungeKutta(Method):
         """The number of stages."""
         return self.algebra.stages if self.algebra is not None else len(self.b)
 
-    @cached_property
-    def max_children(self) -> None:
-        """None: tableaux apply to all fields."""
-        return None
+    max_children = None  # type: ignore[assignment]  # tableaux apply to all fields
 
     @property
     def partitions(self) -> tuple[Self]:
@@ -220,8 +214,7 @@ class RungeKutta(Method):
     @cached_property
     def program(self) -> Program:
         """The stages and the step as a program."""
-        labels = {"name": self.name, "reference": self.reference, "digits": self.digits}
-        return tableau_program([self], self.names, **labels)
+        return tableau_program([self], self.names, **self.labels)
 
     def rational_program(self, decimals: int) -> Program:
         """The program, with rational numbers within 10^-decimals of the entries if they come from a stage algebra."""

@@ -1,18 +1,22 @@
-"""Ingredients of scenes of particles: exact options, formulas, and first integrals of translations and rotations."""
+"""Scenes of many particles: chains and Lennard-Jones atoms, and what they share with gravity."""
 
 from __future__ import annotations
 
+from fractions import Fraction
+from math import ceil, cos, gamma, pi
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.model.blocks import AXES
-from integrators.scenes.model.formulas import read_formula
-from integrators.scenes.model.terms import Term
+from integrators.scenes.catalogue.registry import SceneEntry
+from integrators.scenes.model.blocks import AXES, MAX_VARIABLES
+from integrators.scenes.model.formulas import as_float, read_formula
+from integrators.scenes.model.terms import Effect, Term
+from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    import numpy as np
     import sympy
-
 
 LARGEST = 10**100
 
@@ -116,3 +120,187 @@ def symmetry_integrals(sites: int, dimension: int) -> dict[str, sympy.Expr]:
     if dimension == 3:
         integrals |= {f"angular_momentum_{c}": moment(a, b) for a, b, c in ("yzx", "zxy", "xyz")}
     return integrals
+
+
+def toda(*, n: Any = 3) -> Scene:
+    """H = Σ p_k²/2 + exp(q_k − q_{k+1}) with q_{n+1} = q_1.
+
+    For n = 3 the start is taken from figure 9 of the lecture; for other n it is q = 0, p_k = cos(2πk/n), rounded to 12
+    decimals.
+
+    Args:
+        n: The number of particles.
+
+    Raises:
+        IntegratorError: n is not an integer of at least 2.
+
+    Example:
+        >>> toda(n=2).hamiltonian
+        p1**2/2 + p2**2/2 + exp(-q1 + q2) + exp(q1 - q2)
+    """
+    n = read_count(n, "n", 2, MAX_VARIABLES)
+    wave = {"p": [round(cos(2 * pi * k / n), 12) for k in range(1, n + 1)], "q": [0] * n}
+    return Scene(
+        {"p": n, "q": n},
+        terms=[Term(over="each", hamiltonian="p_i^2/2"), Term(over="ring", hamiltonian="exp(q_i - q_j)")],
+        invariants=_integrals(n) if n <= FLAT_SITES else {},
+        start={"p": ["-3/2", 1, "1/2"], "q": [1, 2, -1]} if n == 3 else wave,
+    )
+
+
+def _integrals(n: int) -> dict[str, str]:
+    """The total momentum and, up to a constant, the trace of L³.
+
+    L is Flaschka's periodic Jacobi matrix with diagonal a_k = −p_k/2 and off-diagonal b_k = exp((q_k − q_{k+1})/2)/2,
+    whose eigenvalues are first integrals. tr L = −Σ p_k/2, tr L² = H/2, and tr L³ = Σ a_k³ + 3(a_k + a_{k+1}) b_k²,
+    plus 6 b_1 b_2 b_3 = 3/4 if n = 3. For n = 3 these traces form a complete set of first integrals.
+    """
+    ring = [(k, k % n + 1) for k in range(1, n + 1)]
+    cubes = " + ".join(f"p{k}^3 + 3*(p{k} + p{j})*exp(q{k} - q{j})" for k, j in ring)
+    return {"momentum": " + ".join(f"p{k}" for k, _ in ring), "trace_of_cube": f"-({cubes})/8"}
+
+
+def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
+    """H = Σ (y_0² + y_1² + ω² x_1²)/2 + Σ (elongation of a soft spring)⁴/4.
+
+    The coordinates are those of HLW: for the i-th stiff spring, ``qx`` is x_{0,i}, its scaled displacement, ``qy`` is
+    x_{1,i}, its scaled expansion, and ``px``, ``py`` are the velocities y_{0,i}, y_{1,i}. Quadratic terms form the part
+    ``linear``, quartic terms the part ``nonlinear``. The start is that of HLW's figures, x_{0,1} = y_{0,1} = y_{1,1} =
+    1, x_{1,1} = 1/ω, and zero elsewhere.
+
+    The stiff springs exchange their oscillatory energies I_i = (y_{1,i}² + ω² x_{1,i}²)/2 slowly. The sum of the I_i
+    stays close to its initial value 1 over very long times, but is not a first integral.
+
+    Args:
+        m: The number of stiff springs.
+        omega: Their frequency ω.
+
+    Raises:
+        IntegratorError: m is not a positive integer, or omega no positive number.
+
+    Example:
+        >>> fermi_pasta_ulam(m=1).start
+        (1, 1, 1, 1/50)
+    """
+    m, omega = read_count(m, "m", 1, MAX_VARIABLES // 2), read_positive(omega, "omega")
+    rest = [[0, 0]] * (m - 1)
+    return Scene(
+        {"p": [m, 2], "q": [m, 2]},
+        terms=[
+            Term(over="each", hamiltonian="(px_i^2 + py_i^2 + omega^2*qy_i^2)/2", part="linear"),
+            Term(over=[(1,)], hamiltonian="(qx_i - qy_i)^4/4", part="nonlinear"),
+            Term(over="chain", hamiltonian="(qx_j - qy_j - qx_i - qy_i)^4/4", part="nonlinear"),
+            Term(over=[(m,)], hamiltonian="(qx_i + qy_i)^4/4", part="nonlinear"),
+        ],
+        parameters={"omega": omega},
+        start={"p": [[1, 1], *rest], "q": [[1, 1 / omega], *rest]},
+    )
+
+
+def lennard_jones(
+    *, particles: Any = 9, dimension: Any = 2, temperature: Any = "1/10", seed: Any = 0, sigma: Any = 1, m: Any = 1
+) -> Scene:  # fmt: skip
+    """H = Σ |p_i|²/(2m) + Σ_{i<j} 4ε((σ/r_ij)¹² − (σ/r_ij)⁶).
+
+    The atoms start as a close-packed cluster, hexagonal in the plane and face-centred cubic in space, whose nearest
+    neighbours are 2^(1/6)σ apart, where the pair potential has its minimum; its centre of mass is at the origin.
+    Momenta are drawn from the Maxwell–Boltzmann distribution (with Boltzmann's constant 1), conditioned on a zero sum:
+    the mean kinetic energy is d(N − 1)T/2. The angular momentum is not corrected. Start values are decimals, and the
+    momenta sum to zero exactly.
+
+    Args:
+        particles: The number N of atoms.
+        dimension: The dimension d of space: 1, 2 or 3.
+        temperature: The temperature T, in units of energy.
+        seed: The seed of NumPy's random generator.
+        sigma: The length σ of the potential, which scales the cluster too; its depth ε = 1 is a parameter.
+        m: The mass of an atom, which scales the momenta too.
+
+    Raises:
+        IntegratorError: An option is not a number, or beyond its limits.
+
+    Example:
+        >>> dimer = lennard_jones(particles=2, dimension=1, temperature=0)
+        >>> dimer.hamiltonian
+        px1**2/2 + px2**2/2 - 4/(qx1 - qx2)**6 + 4/(qx1 - qx2)**12
+        >>> dimer.y0
+        array([ 0. , 0. , -0.56123102, 0.56123102])
+    """
+    dimension = read_count(dimension, "dimension", 1, len(AXES))
+    particles = read_count(particles, "particles", 2, MAX_VARIABLES // dimension)
+    seed = read_count(seed, "seed", 0, 2**63)
+    sigma, m = read_positive(sigma, "sigma"), read_positive(m, "m")
+    temperature = read_positive(temperature, "temperature", or_zero=True)
+    square, integrals = squared_distance(dimension), symmetry_integrals(particles, dimension)
+    return Scene(
+        {"p": [particles, dimension], "q": [particles, dimension]},
+        terms=[
+            kinetic_energy(dimension, "m"),
+            Term(over="pairs", hamiltonian=f"4*epsilon*(sigma^12/({square})^6 - sigma^6/({square})^3)"),
+        ],
+        parameters={"m": m, "epsilon": 1, "sigma": sigma},
+        invariants=integrals,
+        start={
+            "p": _balanced(thermal_momenta(particles, dimension, as_float(m * temperature), seed)),
+            "q": _balanced(2 ** (1 / 6) * as_float(sigma) * cluster(particles, dimension)),
+        },
+        effects={
+            "confinement": Effect(
+                terms=[Term(over="each", hamiltonian=f"k*({squared_norm('q', dimension)})/2")],
+                parameters={"k": "1/100"},
+                breaks=[name for name in momentum_names(dimension) if name in integrals],
+                summary="a spring k|q|²/2 that holds every atom to the origin",
+            ),
+        },
+    )
+
+
+def cluster(particles: int, dimension: int) -> np.ndarray:
+    """The points of a close-packed lattice nearest to one of them, at unit spacing, shifted to mean 0; one row each.
+
+    The lattice is A_d: integers x_k stand for the point Σ x_k a_k with |a_k| = 1 and a_k·a_l = 1/2. Twice its squared
+    norm is Σ x_k² + (Σ x_k)², which bounds every |x_k|. Points of equal norm are sorted in decreasing lexicographic
+    order, which puts neighbours next to each other.
+
+    The covering radius of the lattice is at most 1/√2, and its cells have volume √((d + 1)/2^d). A ball around a point
+    therefore holds N points if the ball whose radius is smaller by 1/√2 has the volume of N cells.
+    """
+    import numpy as np
+
+    unit_ball = pi ** (dimension / 2) / gamma(dimension / 2 + 1)
+    bound = ceil((particles * (dimension + 1) ** 0.5 / unit_ball) ** (1 / dimension) + 1)  # √2 times the radius
+    box = bound - np.indices((2 * bound + 1,) * dimension).reshape(dimension, -1).T
+    norms = (box**2).sum(axis=1) + box.sum(axis=1) ** 2
+    chosen = box[np.argsort(norms, kind="stable")[:particles]]
+    basis = np.linalg.cholesky((np.ones((dimension, dimension)) + np.eye(dimension)) / 2)
+    return (chosen - chosen.mean(axis=0)) @ basis
+
+
+def thermal_momenta(particles: int, dimension: int, variance: float, seed: int) -> np.ndarray:
+    """Independent normal components, conditioned on a zero sum over the particles."""
+    import numpy as np
+
+    momenta = np.sqrt(variance) * np.random.default_rng(seed).standard_normal((particles, dimension))
+    return momenta - momenta.mean(axis=0)
+
+
+def _balanced(values: np.ndarray) -> list[list[Fraction]]:
+    """The decimals that doubles print as, with the last row changed so that the rows sum to zero exactly."""
+    rows = [[Fraction(repr(x)) for x in row] for row in values.tolist()]
+    return [*rows[:-1], [-sum(column, Fraction(0)) for column in zip(*rows[:-1], strict=True)]]
+
+
+SCENES = (
+    SceneEntry("toda", toda, "the periodic Toda lattice of n particles, completely integrable",
+        "M. Toda, J. Phys. Soc. Japan 22 (1967) 431–436; H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925; "
+        "HLW, section X.1.5; E. Hairer, lecture on long-time behaviour, example 9",
+        aliases=("toda-lattice",)),
+    SceneEntry("fermi-pasta-ulam", fermi_pasta_ulam,
+        "2m masses joined by soft quartic and stiff linear springs in turn; oscillatory energies over long times",
+        "L. Galgani, A. Giorgilli, A. Martinoli, S. Vanzini, Physica D 59 (1992) 334–348; HLW, section I.5.1",
+        aliases=("fpu",)),
+    SceneEntry("lennard-jones", lennard_jones,
+        "atoms with the Lennard-Jones potential, a cluster at a given temperature",
+        "J. E. Jones, Proc. R. Soc. London A 106 (1924) 463–477; HLW, section I.4; "
+        "E. Hairer, lecture on long-time behaviour, figure 8"),
+)  # fmt: skip

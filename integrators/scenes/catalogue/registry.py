@@ -11,7 +11,7 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 from foundation.table import Column, Table, Tabular, listed
-from integrators.core.catalogues import declared_entries, index_by_name, plug_in_entries, spelling
+from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError, shown, suggestion
 from integrators.scenes.model.assembly import UnknownNameError
 from integrators.scenes.model.terms import check_active
@@ -80,6 +80,9 @@ class SceneEntry(NamedTuple):
         return f"<SceneEntry: {self.name}, {self.summary}>"
 
 
+REGISTER = Register(__package__ or "", "SCENES", GROUP, SceneEntry, SceneEntry.build)
+
+
 class SceneCatalogue(Tabular, tuple["SceneEntry", ...]):
     """The built-in scenes, shown as a table."""
 
@@ -121,7 +124,7 @@ def _records() -> list[dict[str, Any]]:
     """The fields of entries in JSON and CSV; scenes are built for their dimensions."""
     return [
         {field: entry.build().dimension if field == "dimension" else getattr(entry, field) for field in SCENE_FIELDS}
-        for entry in _entries()
+        for entry in REGISTER.entries
     ]
 
 
@@ -135,18 +138,7 @@ def scene_catalogue() -> SceneCatalogue:
         >>> [entry.name for entry in scene_catalogue() if "pendulum" in entry.name]
         ['pendulum', 'double-pendulum']
     """
-    return _entries()
-
-
-@cache
-def _entries() -> SceneCatalogue:
-    added = plug_in_entries(GROUP, SceneEntry, _built_in(), SceneEntry.build)
-    return SceneCatalogue([*_declared(), *added])
-
-
-@cache
-def _declared() -> list[SceneEntry]:
-    return declared_entries(__package__ or "", "SCENES")  # these files import this one
+    return SceneCatalogue(REGISTER.entries)
 
 
 def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any) -> Scene:
@@ -201,19 +193,8 @@ def _names(effects: Any) -> tuple[str, ...]:
 def find_entry(name: Any) -> SceneEntry:
     """The entry of a name or alias, in any spelling."""
     key = spelling(name) if isinstance(name, str) else ""
-    # The entry points of all distributions are read only for names that are not built in.
-    index = _built_in() if key in _built_in() else _index()
+    index = REGISTER.index_with(key)
     if key in index:
         return index[key][0]
-    near = suggestion(key, [entry.name for entry in _entries()])
+    near = suggestion(key, [entry.name for entry in REGISTER.entries])
     raise IntegratorError(f"scene must be one of the catalogue, but was {shown(name)}{near}")
-
-
-@cache
-def _index() -> dict[str, tuple[SceneEntry, str]]:
-    return index_by_name(_entries())
-
-
-@cache
-def _built_in() -> dict[str, tuple[SceneEntry, str]]:
-    return index_by_name(_declared())

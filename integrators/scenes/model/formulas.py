@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
-from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, parse_expression
-from integrators.exact.number_text import nearest_double
+from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, nearest_double, parse_expression
 
 if TYPE_CHECKING:
     import sympy

@@ -155,6 +155,16 @@ def test_floats_are_decided_up_to_rounding():
         assert bs.order_of(rounded) == bs.order_of(method)
 
 
+def test_floats_are_trusted_to_the_digits_that_are_given():
+    entries = [[0.0, 0], [0.6667, 0]], [0.25, 0.75]
+    assert bs.order_of(bs.RungeKutta(*entries)) == 1
+    method = bs.RungeKutta(*entries, digits=4)
+    assert bs.order_of(method) == 2
+    text = str(bs.modified_equation(method, 2))  # where floats stay as they are
+    assert "the tableau holds floats" in text
+    assert "published as decimals" not in text
+
+
 def test_inconsistent_methods_have_order_zero():
     with pytest.warns(bs.methods.TableauWarning, match="inconsistent"):
         method = bs.RungeKutta([[0]], ["1/2"])

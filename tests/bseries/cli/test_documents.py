@@ -15,6 +15,7 @@ import pytest
 import bseries as bs
 import integrators
 from bseries.algebra.presentation import KINDS
+from bseries.course.answers import check_answers
 from bseries.document_schemas import FILE, SHARED
 from bseries.scene_text import head
 
@@ -77,6 +78,7 @@ def rotor():
 
 
 OBJECTS = {
+    "answers": lambda: check_answers("1d = no\n4c = 1/3\n7a = f"),
     "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff"),
     "field": lambda: bs.series("rk4", 3).log(),
     "error-coefficients": lambda: bs.analysis.error_coefficients("rk4"),
@@ -168,7 +170,7 @@ def test_a_changed_document_is_refused():
 
 
 def test_other_kinds_are_refused_with_a_suggestion():
-    with pytest.raises(bs.SeriesError, match=r"kind must be one of brackets, .*, but was 'serie'; did you mean series"):
+    with pytest.raises(bs.SeriesError, match=r"kind must be one of answers, .*, but was 'serie'; did you mean series"):
         bs.json_schema("serie")
     for wrong in (3, "shared-tree", ""):
         with pytest.raises(bs.SeriesError, match="kind must be one of"):

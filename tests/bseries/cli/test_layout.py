@@ -36,7 +36,19 @@ def test_progress_bar_appears_and_goes(monkeypatch):
         progress._timer.join()
         progress.update(1, 2)
     assert "computing" in terminal.getvalue()
+    assert "compiling" not in terminal.getvalue()
     assert progress._bar is None
+
+
+def test_progress_bar_says_that_code_is_compiled(monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setattr("bseries.cli.progress.PATIENCE", 0.0)
+    monkeypatch.setattr("bseries.cli.progress.is_compiling", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress() as progress:
+        progress._timer.join()
+    assert "compiling for the first time" in terminal.getvalue()
 
 
 def test_no_bar_for_quick_work_or_without_a_terminal(monkeypatch):

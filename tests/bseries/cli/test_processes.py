@@ -135,6 +135,16 @@ def test_the_common_path_imports_nothing_heavy():
     assert job.stderr == b"[]\n"
 
 
+def test_formulas_on_a_scene_load_no_numpy():
+    code = (
+        "import sys; from bseries.cli.application import application\n"
+        "application('equation rk4 --scene pendulum --order 5'.split(), standalone_mode=False)\n"
+        "print(sorted({'numpy', 'sympy', 'numba'} & set(sys.modules)), file=sys.stderr)"
+    )
+    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert job.stderr == b"['sympy']\n"
+
+
 def test_help_imports_no_library():
     code = (
         "import sys; from bseries.cli.application import application\n"

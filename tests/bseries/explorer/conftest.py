@@ -1,15 +1,13 @@
-"""A server of its own for these tests, and a browser where there is one."""
+"""A server of its own for these tests."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -40,16 +38,3 @@ def address() -> Iterator[str]:
             code = server.wait()
         problems = server.stderr.read()
         assert (code, "Traceback" in problems) == (0, False), problems
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium, driven by Playwright, which keeps an event loop running as long."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    if program is None:
-        pytest.skip("there is no browser")
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield started
-        started.close()

@@ -20,8 +20,7 @@ from integrators import IntegratorError
 from integrators.compile import printer
 from integrators.compile.modules import load_module
 from integrators.compile.printer import FUNCTIONS, count_operations, operation_cost, source_lines
-from integrators.exact.expressions import ELEMENTARY, parse_expression
-from integrators.exact.number_text import literal, nearest_double
+from integrators.exact.expressions import ELEMENTARY, literal, nearest_double, parse_expression
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
 NAMES = {symbol: symbol.name for symbol in SYMBOLS}

@@ -10,8 +10,12 @@ import order_oracle as oracle
 import pytest
 
 from integrators import RungeKutta, catalogue, method
-from integrators.methods.tableaux.continuous_extensions import continuous_extension
-from integrators.methods.tableaux.elementary_weights import order_of_difference, order_of_weights, weight_conditions
+from integrators.methods.tableaux.weights import (
+    continuous_extension,
+    order_of_difference,
+    order_of_weights,
+    weight_conditions,
+)
 
 EXPLICIT = [e for e in catalogue() if e.kind in ("explicit", "embedded pair") and not e.is_family and not e.parameters]
 

@@ -15,7 +15,7 @@ import sympy
 
 from integrators import Effect, IntegratorError, Scene, method, scene, scene_catalogue
 from integrators.scenes.catalogue import particles
-from integrators.scenes.catalogue.lennard_jones import cluster, thermal_momenta
+from integrators.scenes.catalogue.particles import cluster, thermal_momenta
 
 REFERENCE = Path(__file__).parents[2] / "reference"
 SOLAR_SYSTEM = json.loads((REFERENCE / "outer_solar_system.json").read_text())

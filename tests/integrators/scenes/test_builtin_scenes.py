@@ -21,8 +21,6 @@ from integrators.exact.expressions import parse_expression
 ORBIT = ("relativity", "oblateness", "drag")
 # name: (variables in the order of the state, effects)
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "charged-particle": ("vx vy vz x y z", ()),
-    "magnetic-dipole": ("vx vy vz x y z", ("attraction",)),
     "riccati": ("y", ()),
     "linear": ("y1 y2", ()),
     "nonlinear-oscillator": ("u1 u2", ()),
@@ -39,6 +37,8 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "henon-heiles": ("p1 p2 q1 q2", ()),
     "central-field": ("p_r p_phi r phi", ("perturbation",)),
     "field-nijhoff": ("p q", ()),
+    "charged-particle": ("vx vy vz x y z", ()),
+    "magnetic-dipole": ("vx vy vz x y z", ("attraction",)),
 }
 CASES = [(name, effect) for name, (_, effects) in SCENES.items() for effect in (None, *effects)]
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())

@@ -405,7 +405,7 @@ def test_large_trees_are_served() -> None:
     ],
 )
 def test_work_that_would_seem_to_hang_is_refused(operation, x: Forest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trees.hopf.terms.MOST_PRODUCTS", 1000)
+    monkeypatch.setattr("trees.hopf.sums.MOST_PRODUCTS", 1000)
     with pytest.raises(TreeError, match="order must be smaller: this takes more than 1000 products of terms"):
         operation(x)
 

@@ -203,6 +203,6 @@ def test_large_trees_are_grafted() -> None:
 
 @pytest.mark.parametrize("y", [Tree.from_levels(range(1000)), Tree("[τ,[τ],[[τ]],[τ,τ]]"), Forest("τ^5000")])
 def test_work_that_would_seem_to_hang_is_refused(y: Tree | Forest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trees.hopf.terms.MOST_PRODUCTS", 1000)
+    monkeypatch.setattr("trees.hopf.sums.MOST_PRODUCTS", 1000)
     with pytest.raises(TreeError, match="order must be smaller: this takes more than 1000 products of terms"):
         grossman_larson("τ^5·[τ]", y)

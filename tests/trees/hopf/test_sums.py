@@ -235,7 +235,7 @@ def test_misuse_of_sums_is_refused() -> None:
 
 
 def test_products_that_would_seem_to_hang_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trees.hopf.terms.MOST_PRODUCTS", 1000)
+    monkeypatch.setattr("trees.hopf.sums.MOST_PRODUCTS", 1000)
     many = FormalSum({Tree.join([], color): 1 for color in range(40)})
     with pytest.raises(TreeError, match="order must be smaller: this takes more than 1000 products of terms"):
         many * many

@@ -1,1 +1,0 @@
-"""Compiled kernels called by generated steps."""
