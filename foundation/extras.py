@@ -23,7 +23,7 @@ def optional_module(module: str, user: str) -> Any:
         user: What needs it, for the message.
 
     Raises:
-        MissingPackage: The package cannot be imported; the message has the command to install it.
+        MissingPackage: The package cannot be imported; the message has the command to install an optional one.
 
     Example:
         >>> optional_module("matplotlib.colors", "draw").to_hex("red")
@@ -32,7 +32,12 @@ def optional_module(module: str, user: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        package = module.partition(".")[0]
-        raise MissingPackage(
-            f"{user} needs {package}: pip install '.[{EXTRAS[package]}]' in the clone of bseries-engine ({error})"
-        ) from None
+        raise missing_package(module.partition(".")[0], user, error) from None
+
+
+def missing_package(package: str, user: str, error: ImportError) -> MissingPackage:
+    """The error that a package is missing, with the command that installs an optional one."""
+    if package not in EXTRAS:
+        return MissingPackage(f"{package} must be installed for {user}, but is missing ({error})")
+    command = f"pip install '.[{EXTRAS[package]}]' in the clone of bseries-engine"
+    return MissingPackage(f"{user} needs {package}: {command} ({error})")

@@ -39,6 +39,7 @@ from .methods.tableaux.partitioned import PartitionedRungeKutta as PartitionedRu
 from .methods.tableaux.runge_kutta import RungeKutta as RungeKutta
 from .methods.tableaux.runge_kutta import TableauWarning as TableauWarning
 from .methods.tableaux.stage_algebra import StageAlgebra as StageAlgebra
+from .reference.halved_steps import settled_solution as settled_solution
 from .reference.solution import ReferenceSolution as ReferenceSolution
 from .reference.solution import reference_solution as reference_solution
 from .runs.ensemble_results import EnsembleResult as EnsembleResult

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from foundation.extras import optional_module
+from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.registry import as_method
@@ -70,7 +71,8 @@ def right_hand_side(scene: Scene | str) -> Callable[[float, np.ndarray[Any, Any]
         A function of the time and of a state, one real number for each variable, that returns a new array.
 
     Raises:
-        IntegratorError: `scene` is not a scene, or a parameter is a symbol; when called: y is not such a state.
+        IntegratorError: `scene` is not a scene, or a parameter is a symbol; when called: y is not such a state, or a
+            compiled function of the scene raises an error.
 
     Example:
         >>> from scipy.integrate import solve_ivp
@@ -95,7 +97,10 @@ def right_hand_side(scene: Scene | str) -> Callable[[float, np.ndarray[Any, Any]
         if state.shape != shape:
             raise IntegratorError(f"y must have the shape {shape}, but had {state.shape}")
         out = np.empty(shape)
+        forget_failure()
         field(state, out)
+        if (raised := failure()) is not None:
+            raise raised
         return out
 
     return fun

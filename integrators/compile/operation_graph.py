@@ -8,6 +8,8 @@ A value is a term (coefficient, node): an exact number times a node. Nodes are n
     ("power", term, term)      a power that is not a product of integer powers and square roots
     ("sum", (term, …))         the first coefficient is positive, and their absolute values are not all equal
     ("product", ((node, n), …), ((node, n), …))   powers of nodes over powers of nodes, n > 0
+    ("box", key, term, …)      all values of a black box
+    ("entry", text, term)      one of them, by its index
 
 Node 0 is the empty product, so a number x is the term (x, 0).
 
@@ -121,6 +123,10 @@ class Reader:
                     f"formula must use the names {shorten(known)}, but has {shorten(str(expression))!r}"
                 )
             return Fraction(1), graph.node("name", self.names[expression])
+        if name == "Entry":
+            box, k, *values = expression.args
+            found = Fraction(1), graph.node("box", box.key, *map(self.read, values))
+            return Fraction(1), graph.node("entry", str(box.inputs + k), found)
         name = BRANCHING.get(name, name)
         if not (expression.is_Add or expression.is_Mul or expression.is_Pow or name in CALLED):
             return exact_number(expression), ONE

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 FUNCTIONS = (*ELEMENTARY, "sqrt")
 """The functions that lines may call, with their names in the module math."""
 
+BOX = "box_"
+"""Begins the names of black boxes in generated code."""
+
 COSTS = {"add": 1, "multiply": 1, "divide": 4, "sqrt": 5, "call": 20, "power": 40}
 """Costs of operations in units of an addition; square roots and divisions overlap with other operations."""
 
@@ -139,7 +142,7 @@ class _Printer:
         """The text of a node: its expression if it has one use, otherwise its variable."""
         if node not in self.texts:
             text, binding = self.expression(node)
-            shared = self.uses[node] > 1 and self.graph.nodes[node][0] != "name"
+            shared = self.uses[node] > 1 and self.graph.nodes[node][0] not in ("name", "box")
             self.texts[node] = self.named(text) if shared or len(text) > MAX_LENGTH else (text, binding)
         return self.texts[node]
 
@@ -160,8 +163,22 @@ class _Printer:
         if kind == "where":
             x, a, b = (self.term(part)[0] for part in content)
             return f"({a} if {x} > 0.0 else {b} if {x} <= 0.0 else {x})", ATOM  # nan where it is undecided
+        if kind == "entry":
+            return f"{self.term(content[1])[0]}[{content[0]}]", ATOM
+        if kind == "box":
+            return self.box(*content), ATOM
         base, exponent = map(self.term, content)
         return f"{within(base, ATOM)}**{within(exponent, ATOM)}", PRODUCT
+
+    def box(self, key: str, *values: Term) -> str:
+        """The array with the arguments of a black box, and its values after them."""
+        from integrators.scenes.model.black_boxes import box_of
+
+        texts = [self.term(value)[0] for value in values]
+        array = self.named(f"stack({box_of(key).total})")[0]
+        self.lines += [f"{array}[{k}] = {text}" for k, text in enumerate(texts)]
+        self.lines.append(f"{BOX}{key}({array})")
+        return array
 
     def term(self, term: Term) -> tuple[str, int]:
         """The text of a coefficient times a node."""
@@ -291,12 +308,17 @@ class ModuleText:
         bodies = self.bodies
         called = ", ".join(name for name in FUNCTIONS if re.search(rf"\b{name}\(", bodies))
         imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
-        if template is None:
+        boxes = sorted(set(re.findall(rf"\b{BOX}(\w+)\(", bodies)))
+        if boxes:
+            imports.append("from integrators.compile.black_boxes import kernel")
+        if template is None and boxes:
+            imports += [COMPILED, "from integrators.compile.machine import stack"]
+        elif template is None:
             imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
         head = (template or SCENE_FUNCTIONS).format(
             state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
             imports="\n".join(imports),
-            constants="\n".join(self._definitions()),
+            constants="\n".join([*(f'{BOX}{key} = kernel("{key}")' for key in boxes), *self._definitions()]),
         )
         return f"{head.rstrip()}\n\n\n{bodies}\n"
 

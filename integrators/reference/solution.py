@@ -103,6 +103,8 @@ def reference_solution(
     so far, also at times between the start and t, bounds the error at t. The bound is too large where errors shrink
     again, as near a stable equilibrium.
 
+    Scenes of compiled functions have no series; `integrators.settled_solution` needs values of the field only.
+
     Args:
         scene: The scene; its parameters must be numbers.
         t: The times, in one direction from `t0`; a number counts as one time.
@@ -140,9 +142,9 @@ def reference_solution(
     from integrators.reference.taylor_program import taylor_program
 
     program = taylor_program(scene)
-    start, origin = _read_start(scene, y0, t0)
-    times = _read_times(t, origin)
-    checked, wanted = _with_checks(times, origin)
+    start, origin = read_start(scene, y0, t0)
+    times = read_times(t, origin)
+    checked, wanted = with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
         first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
@@ -184,7 +186,7 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     from integrators.reference.double_double import split
     from integrators.reference.taylor_program import taylor_program
 
-    start, _ = _read_start(scene, y0, None)
+    start, _ = read_start(scene, y0, None)
     program, y = taylor_program(scene), np.array([split(x) for x in start])
     order, times = order_for(digits), np.array([[span, 0.0]])
     series, state = _initial_series(program, y, times, order, 1.0)
@@ -265,7 +267,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     return number
 
 
-def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
     """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
@@ -287,7 +289,7 @@ def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fractio
     return start, start[clock]
 
 
-def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
+def read_times(t: Any, origin: Fraction) -> list[Fraction]:
     """The times, in one direction from the origin."""
     t = t.tolist() if hasattr(t, "tolist") else t
     single = isinstance(t, str) or not isinstance(t, Iterable)
@@ -303,7 +305,7 @@ def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
     return times
 
 
-def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
+def with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
     """The times with further ones before and between them, and the indices of the requested ones."""
     checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
     for before, after in pairwise([origin, *times]):

@@ -23,6 +23,7 @@ from integrators.compile.operation_graph import OperationGraph, Reader, reachabl
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import ELEMENTARY
 from integrators.reference.double_double import split
+from integrators.scenes.model.black_boxes import check_formulas
 from integrators.scenes.model.system import VALUE, LocalTerm
 from integrators.scenes.scene import Scene
 
@@ -69,6 +70,7 @@ def taylor_program(scene: Scene) -> TaylorProgram:
         >>> program.derivatives - program.derivatives[0], program.registers[program.derivatives[0] :]
         (array([0, 1, 2]), array([3, 0]))
     """
+    check_formulas((term.formula for term in scene.numeric_terms), "Taylor series (settled_solution needs values only)")
     operations = Operations(scene.dimension)
     derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]
     try:

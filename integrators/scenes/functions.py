@@ -1,25 +1,25 @@
-"""Scenes from right-hand sides written in Python, by running them once on symbols."""
+"""Scenes from right-hand sides written in Python: formulas if they run on symbols, else compiled functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import dis
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from inspect import Parameter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.core.arguments import FAILURES, items, parameters_of, required
-from integrators.core.errors import IntegratorError, shown
-from integrators.scenes.model.blocks import TIME, read_blocks
+from integrators.core.arguments import items, parameters_of, required
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.scenes.model.blocks import TIME, Block, read_blocks
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from inspect import Parameter
-
     import sympy
 
 
 def scene_from_function(
-    function: Callable[..., Any], y0: Sequence[Any], *, variables: Mapping[str, Any] | None = None,
-    hamiltonian: bool = False, name: str | None = None,
+    function: Callable[..., Any] | Mapping[str, Callable[..., Any]], y0: Sequence[Any], *,
+    variables: Mapping[str, Any] | None = None, hamiltonian: bool = False, compiled: bool | None = None,
+    jacobian: Callable[..., Any] | None = None, name: str | None = None,
 ) -> Scene:  # fmt: skip
     """The scene of a right-hand side ``f(t, y)`` or ``f(y)``, or of a Hamiltonian ``H(p, q)``, written in Python.
 
@@ -29,18 +29,31 @@ def scene_from_function(
     not look at values. `y` is an array. Arguments with numbers as defaults become parameters of the scene. Floats are
     the decimals that they print as.
 
+    A right-hand side that does not run on symbols, as it branches, iterates or looks into a table, is compiled by
+    numba. Its scene can be integrated by every method that needs values of the field only, and measured; it has no
+    modified equation, and nothing else that needs derivatives. The summary of the scene says so. Numba freezes the
+    values of closures and global names, and does not check indices. Two such scenes are equal if their functions are
+    the same object; they cannot be written to files.
+
     Args:
-        function: The function; a right-hand side returns as many values as there are variables.
+        function: The function; a right-hand side returns as many values as there are variables, best as a tuple. Or a
+            function for each block of `variables`, whose arguments are named as the blocks that it depends on, for
+            methods that treat blocks differently: ``{"v": force, "x": velocity}`` with ``force(x)``, ``velocity(v)``.
         y0: The start, one number for each variable: numbers, fractions or text. For a Hamiltonian first p, then q.
         variables: The blocks of the state, as for `Scene`; by default one block y, for a Hamiltonian p and q.
         hamiltonian: Whether the function is a Hamiltonian of the blocks p and q.
+        compiled: Whether numba compiles the function (True), or it must run on symbols (False); by default the latter
+            is tried first.
+        jacobian: The derivatives of a compiled right-hand side, (n, n) with ∂f_i/∂y_k in row i, of the same arguments,
+            for methods that need them.
         name: The name of the scene; by default that of the function.
 
     Returns:
         The scene.
 
     Raises:
-        IntegratorError: The function fails on symbols, or returns something else.
+        IntegratorError: The function neither runs on symbols nor compiles, fails at the start, or returns something
+            else.
 
     Example:
         >>> import numpy as np
@@ -53,86 +66,223 @@ def scene_from_function(
         ...     return p @ p / 2 - 1 / np.linalg.norm(q)
         >>> scene_from_function(kepler, [0, 2, "2/5", 0], hamiltonian=True).hamiltonian
         p1**2/2 + p2**2/2 - 1/sqrt(q1**2 + q2**2)
+        >>> def bouncing(t, y, k=100.0):
+        ...     height, speed = y
+        ...     return speed, -1.0 if height > 0 else -k * height - 1.0
+        >>> scene_from_function(bouncing, [1, 0]).notes
+        ('the compiled function bouncing has values, but neither formulas nor derivatives',)
     """
-    import numpy as np
-    import sympy
-
-    from integrators.scenes.traced import Formula, FormulaArray
-
-    if not callable(function):
-        raise IntegratorError(f"function must be a function such as f(t, y), but was {shown(function)}")
     start = items(y0, "y0")
+    blocks = _blocks(function, start, variables, hamiltonian)
+    _check_options(function, hamiltonian, compiled, jacobian)
+    reasons: list[str] = []
+    parameters: dict[str, Any] = {}
+    if hamiltonian:
+        call = _hamiltonian_call(function, blocks)
+        value = _called(call)
+        value = value.item() if getattr(value, "size", 0) == 1 else value  # of p**2/2, where p is an array of one
+        formulas: dict[str, Any] = {"hamiltonian": _formula(value, "function")}
+        parameters = call.parameters
+    else:
+        field: dict[str, sympy.Expr] = {}
+        for call in _calls(function, blocks):
+            field |= _derivatives(call, compiled, jacobian, reasons)
+            parameters |= call.parameters
+        formulas = {"field": field}
+    label = name if name is not None else getattr(function, "__name__", "<lambda>")
+    made = Scene(
+        {block.name: block.size for block in blocks}, **formulas, parameters=parameters,
+        name=None if label == "<lambda>" else label, summary="; ".join(reasons) or None,
+        start={block.name: start[block.offset : block.end] for block in blocks},
+    )  # fmt: skip
+    if reasons:
+        from integrators.compile.black_boxes import check_start
+
+        check_start(made)
+    return made
+
+
+def _blocks(function: Any, start: Sequence[Any], variables: Any, hamiltonian: bool) -> tuple[Block, ...]:
+    """The blocks of the state, with as many variables as there are start values."""
     if variables is None:
+        if isinstance(function, Mapping):
+            raise IntegratorError("variables must be given for functions of blocks, but were not")
         half, odd = divmod(len(start), 2)
         if hamiltonian and odd:
             raise IntegratorError(f"y0 must hold as many momenta as positions, but held {len(start)} numbers")
         variables = {"p": half, "q": half} if hamiltonian else {"y": len(start)}
     blocks = read_blocks(variables, "variables")
-    names = [variable for block in blocks for variable in block.variables]
-    if len(names) != len(start):
-        raise IntegratorError(f"y0 must hold {len(names)} numbers, one for each variable, but held {len(start)}")
-    symbols = np.array([Formula(sympy.Symbol(name)) for name in names], dtype=object).view(FormulaArray)
-    if hamiltonian:
-        if required(_signature(function)) != 2:
-            raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
-        arguments = [symbols[block.offset : block.end] for block in blocks if block.name != TIME]
-    else:
-        arguments = [symbols] if _required(function) == 1 else [Formula(sympy.Symbol(TIME)), symbols]
-    parameters = _parameters(function, len(arguments))
-    found = _called(function, arguments, {key: Formula(sympy.Symbol(key)) for key in parameters})
-    if hamiltonian:
-        value = found.item() if getattr(found, "size", 0) == 1 else found  # of p**2/2, where p is an array of one
-        formulas: dict[str, Any] = {"hamiltonian": _formula(value, "function")}
-    else:
-        values = np.ravel(np.array(found, dtype=object)) if found is not None else []
-        if len(values) != len(names):
+    size = sum(block.dimension for block in blocks)
+    if size != len(start):
+        raise IntegratorError(f"y0 must hold {size} numbers, one for each variable, but held {len(start)}")
+    return blocks
+
+
+def _check_options(function: Any, hamiltonian: bool, compiled: Any, jacobian: Any) -> None:
+    """Refuse options that do not go together."""
+    for one in function.values() if isinstance(function, Mapping) else [function]:
+        if not callable(one):
+            raise IntegratorError(f"function must be a function such as f(t, y), but was {shown(one)}")
+    if compiled not in (None, True, False):
+        raise IntegratorError(f"compiled must be True, False or None, but was {shown(compiled)}")
+    if hamiltonian and (isinstance(function, Mapping) or compiled or jacobian is not None):
+        raise IntegratorError("function must run on symbols where hamiltonian is true, as the field has derivatives")
+    if jacobian is not None and (isinstance(function, Mapping) or not callable(jacobian)):
+        raise IntegratorError(f"jacobian must be a function, of a single right-hand side, but was {shown(jacobian)}")
+
+
+class _Call(NamedTuple):
+    """A call of a function: its arguments as blocks of the state, or None for the time, and its values' names."""
+
+    function: Any
+    arguments: Mapping[str, Sequence[str] | None]
+    parameters: dict[str, Any]
+    values: Sequence[str]
+
+    @property
+    def plain(self) -> Any:
+        """The function in Python, where numba has compiled it."""
+        return getattr(self.function, "py_func", self.function)
+
+
+def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
+    """The calls that make the field."""
+    if not isinstance(function, Mapping):
+        signature = _signature(function)
+        count = required(signature)
+        if count not in (1, 2):
+            raise IntegratorError(f"function must take y, or t and y, but took {count} arguments without defaults")
+        names = [variable for block in blocks for variable in block.variables]
+        given = [names] if count == 1 else [None, names]
+        arguments = {p.name: value for p, value in zip(signature, given, strict=False)}
+        yield _Call(function, arguments, _parameters(signature[count:]), names)
+        return
+    known = {block.name: block.variables for block in blocks}
+    if set(function) != set(known):
+        given = shorten(", ".join(map(str, function)))
+        raise IntegratorError(f"function must have one for each block of {', '.join(known)}, but had {given}")
+    for name, one in function.items():
+        signature = _signature(one)
+        count = required(signature)
+        arguments = {p.name: None if p.name == TIME else known.get(p.name, ()) for p in signature[:count]}
+        if () in arguments.values():
+            unknown = next(key for key, value in arguments.items() if value == ())
             raise IntegratorError(
-                f"function must return {len(names)} derivatives, one for each variable, but returned {shown(found)}"
+                f"function of {name} must take blocks of {', '.join(known)} or the time t, but takes {unknown}"
             )
-        pairs = zip(names, values, strict=True)
-        formulas = {"field": {key: _formula(value, f"derivative of {key}") for key, value in pairs}}
-    label = name if name is not None else getattr(function, "__name__", "<lambda>")
-    return Scene(
-        variables, **formulas, parameters=parameters, name=None if label == "<lambda>" else label,
-        start={block.name: start[block.offset : block.end] for block in blocks},
-    )  # fmt: skip
+        yield _Call(one, arguments, _parameters(signature[count:]), known[name])
 
 
-def _required(function: Callable[..., Any]) -> int:
-    """The number of arguments without defaults."""
-    count = required(_signature(function))
-    if count not in (1, 2):
-        raise IntegratorError(f"function must take y, or t and y, but took {count} arguments without defaults")
-    return count
+def _hamiltonian_call(function: Any, blocks: Sequence[Block]) -> _Call:
+    signature = _signature(function)
+    if required(signature) != 2:
+        raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
+    names = [block.variables for block in blocks if block.name != TIME]
+    arguments = {p.name: value for p, value in zip(signature, names, strict=False)}
+    return _Call(function, arguments, _parameters(signature[2:]), ())
 
 
 def _signature(function: Callable[..., Any]) -> list[Parameter]:
-    found = parameters_of(function)
+    found = parameters_of(getattr(function, "py_func", function))
     if found is None:
         raise IntegratorError("function must be one of Python, with named arguments, but was not")
     return found
 
 
-def _parameters(function: Callable[..., Any], used: int) -> dict[str, Any]:
-    """Arguments with numbers as defaults, after the first `used` ones."""
+def _parameters(signature: Sequence[Parameter]) -> dict[str, Any]:
+    """Arguments with numbers as defaults."""
     from integrators.scenes.traced import exact_number
 
-    given = {p.name: exact_number(p.default) for p in _signature(function)[used:]}
+    given = {p.name: exact_number(p.default) for p in signature}
     return {key: value for key, value in given.items() if value is not None}
 
 
-def _called(function: Callable[..., Any], arguments: Sequence[Any], parameters: Mapping[str, Any]) -> Any:
-    """The function's result on symbols."""
+def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: list[str]) -> dict[str, sympy.Expr]:
+    """The formulas of a right-hand side; `reasons` tell why one is a compiled function."""
+    import numpy as np
+
+    if compiled is not True:
+        try:
+            found = _called(call)
+        except IntegratorError as error:
+            if compiled is False:
+                raise
+            refused = str(error)
+        else:
+            values = np.ravel(np.array(found, dtype=object)) if found is not None else []
+            if len(values) != len(call.values):
+                raise IntegratorError(
+                    f"function must return {len(call.values)} derivatives, one for each variable, "
+                    f"but returned {shown(found)}"
+                )
+            pairs = zip(call.values, values, strict=True)
+            return {key: _formula(value, f"derivative of {key}") for key, value in pairs}
+    else:
+        refused = ""
     try:
-        return function(*arguments, **parameters)
-    except FAILURES as error:
-        if isinstance(error, IntegratorError):
-            raise
-        text = str(error)
+        entries = _compiled_entries(call, jacobian)
+    except IntegratorError as error:
+        if refused:
+            raise IntegratorError(f"{error}; without numba, {refused}") from error
+        raise
+    reasons.append(f"no formulas, since {refused}" if refused else "compiled on request")
+    return dict(zip(call.values, entries, strict=True))
+
+
+def _called(call: _Call) -> Any:
+    """The function's result on symbols."""
+    import numpy as np
+    import sympy
+
+    from integrators.scenes.traced import Formula, FormulaArray
+
+    def symbols(names: Sequence[str] | None) -> Any:
+        if names is None:
+            return Formula(sympy.Symbol(TIME))
+        return np.array([Formula(sympy.Symbol(name)) for name in names], dtype=object).view(FormulaArray)
+
+    try:
+        parameters = {key: Formula(sympy.Symbol(key)) for key in call.parameters}
+        return call.plain(*map(symbols, call.arguments.values()), **parameters)
+    except IntegratorError:
+        raise
+    except Exception as error:  # functions of the user may raise any
+        text = shorten(str(error) or type(error).__name__, 300)
         hint = ""
         if "real number" in text or "float" in text:
             hint = "; use NumPy's functions, and np.zeros_like(y) or a list for the result"
         raise IntegratorError(f"function must run on symbols, but failed: {text}{hint}") from error
+
+
+def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
+    """The derivatives of a compiled function, as entries of a black box."""
+    import sympy
+
+    from integrators.compile.black_boxes import black_box
+    from integrators.scenes.model.black_boxes import BoxArgument
+
+    box_arguments: list[BoxArgument] = []
+    symbols: list[sympy.Expr] = []
+    for name, names in call.arguments.items():
+        used: list[Any] = [sympy.Symbol(x) for x in names] if names is not None else []
+        if names is None:  # a time that is not read must not become a variable
+            used = [sympy.Symbol(TIME) if _reads(call.plain, name) else sympy.Integer(0)]
+        box_arguments.append(BoxArgument("", len(used) if names is not None else 0))
+        symbols += used
+    box_arguments += [BoxArgument(key, 0) for key in call.parameters]
+    symbols += map(sympy.Symbol, call.parameters)
+    name, n = getattr(call.plain, "__name__", "function"), len(call.values)
+    derivative = None if jacobian is None else black_box(jacobian, "jacobian", box_arguments, (n, n))
+    return black_box(call.function, name, box_arguments, (n,), derivative).entries(symbols)
+
+
+def _reads(function: Any, argument: str) -> bool:
+    """Whether the code of a function reads an argument."""
+    code = getattr(function, "__code__", None)
+    if code is None or argument in code.co_cellvars:
+        return True
+    names = (x.argval for x in dis.get_instructions(code) if x.opname.startswith("LOAD_FAST"))
+    return any(argument in (name if isinstance(name, tuple) else (name,)) for name in names)
 
 
 def _formula(value: Any, what: str) -> sympy.Expr:

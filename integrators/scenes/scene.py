@@ -32,6 +32,8 @@ from integrators.scenes.particles.local_form import local_terms_of
 if TYPE_CHECKING:
     import sympy
 
+    from integrators.scenes.model.black_boxes import BlackBox
+
     Fact = tuple[str, str | Sequence[sympy.Expr]]
 
 UNNAMED = "scene"
@@ -151,8 +153,8 @@ class Scene(System, Tabular):
             start=join_start(starts, system.blocks) if declaration.base.start else None,
             summands=sorted_summands(system.summands, system.blocks),
             base_summands=sorted_summands(declaration.base.summands, declaration.base.blocks),
-            notes=(TIME_NOTE,) if system.timed else (),
         )
+        self.__dict__["notes"] = *[TIME_NOTE] * system.timed, *map(_box_note, self.black_boxes)
         check_domain(self)
 
     @property
@@ -297,6 +299,12 @@ def _restored(*content: Any) -> Scene:
     scene = Scene.__new__(Scene)
     scene._initialize(*content)
     return scene
+
+
+def _box_note(box: BlackBox) -> str:
+    """A sentence about a compiled function."""
+    without = "neither formulas nor derivatives" if box.jacobian is None else "no formulas"
+    return f"the compiled function {box.name} has values, but {without}"
 
 
 def labelled(scene: Scene, *, name: str, summary: str, reference: str) -> Scene:

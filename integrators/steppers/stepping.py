@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from foundation.memory import refuse_beyond_memory
+from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.lowering import SOURCES
 from integrators.compile.machine import call_observer, call_steps, compiled, kept, pointer, shifted
 from integrators.compile.modules import load_module
@@ -338,7 +339,9 @@ class Stepper:
     def _change_solver(self, state: State) -> None:
         """Continue with Newton's method if fixed-point iteration failed and the solver is free; otherwise raise."""
         trial = state.copy()
+        forget_failure()
         self._run(trial, 1)
+        raised = failure()
         converges = trial.n > state.n
         if not converges and self._can_change(state):
             state.solver = "newton"
@@ -354,7 +357,9 @@ class Stepper:
             else f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} "
             f"{step} {reason}"
         )
-        raise StepError(message, state.n + 1, state.t, state.y.copy())
+        if raised is not None:
+            message = f"{raised}, in {step.rstrip(',')}"
+        raise StepError(message, state.n + 1, state.t, state.y.copy()) from raised
 
     def _is_defined(self, y: np.ndarray) -> bool:
         """Whether the field is finite at a state."""

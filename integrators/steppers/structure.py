@@ -103,7 +103,8 @@ class Structure:
         is_linear = True
         for term, output in self.outputs(piece, (block,)):
             formula = output_formula(term, output)
-            used = [k for k in range(len(term.arguments)) if formula.has(sympy.Symbol(f"x{k}"))]
+            free = formula.free_symbols
+            used = [k for k in range(len(term.arguments)) if sympy.Symbol(f"x{k}") in free]
             blocks |= self._read(term, used)
             variables = [sympy.Symbol(f"x{k}") for k in used]
             zero = dict.fromkeys(variables, sympy.Integer(0))

@@ -14,14 +14,22 @@ from bseries.advice.predictions.prediction import duration
 from bseries.advice.timing import machine
 from bseries.advice.work_precision.candidates import Methods, candidates
 from bseries.advice.work_precision.recommendation import Recommendation, choose
-from bseries.advice.work_precision.sweeps import LEAST_SECONDS, Curve, Judge, Row, sweep, time_scale, timed_curves
+from bseries.advice.work_precision.sweeps import (
+    LEAST_SECONDS,
+    Curve,
+    Judge,
+    Row,
+    solution_at,
+    sweep,
+    time_scale,
+    timed_curves,
+)
 from foundation.diagrams import MARKERS, draw_legend, line_style, write_title
 from foundation.plotting import drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import read_number, read_positive
-from integrators.reference.solution import reference_solution
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
@@ -116,6 +124,10 @@ class WorkPrecision:
             )
         if failed:
             notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
+        if self.scene.black_boxes and self.judge.reference is not None:
+            notes.append(
+                "Errors of the solution are distances from dop853 with halved steps, as there are no formulas."
+            )
         if self.judge.problem:
             notes.append(f"The solution was not measured: {self.judge.problem}.")
         return notes
@@ -272,7 +284,7 @@ def work_precision(
         steps = stepper(candidate.method, scene, solver=candidate.solver)
         with suppress(StepError):  # the first step compiles
             steps.advance(steps.start(h=TRIAL_STEP), 1)
-    judge = _judge(scene, length, measures, limit)
+    judge = _judge(scene, length, measures, finest, limit)
     if not judge.available:
         raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
     swept = []
@@ -301,16 +313,16 @@ def check_errors(errors: Any) -> tuple[float, float]:
     return loosest, finest
 
 
-def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], budget: float) -> Judge:
+def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], finest: float, budget: float) -> Judge:
     """The measurement of errors; a default span, or one too long, is shortened until there is a reference solution."""
     wanted = _rounded(SPAN * time_scale(scene)) if span is None else span
     length = _measurable_span(scene, wanted, measures, budget)
-    judge = Judge(scene, length, measures)
+    judge = Judge(scene, length, measures, finest)
     for _ in range(TRIALS):
         if not judge.problem or not (span is None or judge.is_too_long):
             break
         length = _rounded(length / SHORTER)
-        judge = Judge(scene, length, measures)
+        judge = Judge(scene, length, measures, finest)
     return judge
 
 
@@ -321,9 +333,9 @@ def _measurable_span(scene: Scene, span: float, measures: tuple[str, ...], budge
     trial = TRIAL * scale
     if SOLUTION in measures and span > trial:
         with suppress(IntegratorError):  # the solution ends early, which is reported later
-            reference_solution(scene, [trial], y0=scene.y0, full=True)  # compiles
+            solution_at(scene, [trial], scene.y0)  # compiles
             began = thread_time()
-            reference_solution(scene, [trial], y0=scene.y0, full=True)
+            solution_at(scene, [trial], scene.y0)
             cost = SAMPLINGS * max(thread_time() - began, LEAST_SECONDS)
             longest = min(longest, trial * max(REFERENCE_SECONDS, REFERENCE * budget) / cost)
     return span if span <= longest else min(span, _rounded(longest))

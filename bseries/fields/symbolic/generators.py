@@ -263,9 +263,11 @@ def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
 
 
 def check_smooth(formula: sympy.Expr) -> None:
-    """Refuse a formula with abs, sign or where: a series holds on either side only, and a step may cross."""
+    """Refuse compiled functions, and abs, sign or where: a series holds on either side only, and a step may cross."""
     from integrators.exact.branches import Branching
+    from integrators.scenes.model.black_boxes import check_formulas
 
+    check_formulas([formula], "a series")
     found = min(map(str, formula.atoms(Branching)), default="")
     if found:
         raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")

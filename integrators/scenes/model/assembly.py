@@ -350,6 +350,9 @@ def _texts(formula: sympy.Expr) -> Iterator[str]:
 
 
 def _written(formula: sympy.Expr) -> str:
+    from integrators.scenes.model.black_boxes import check_formulas
+
+    check_formulas([formula], "a file")
     return formula_text(formula).replace("**", "^")
 
 

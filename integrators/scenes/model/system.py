@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
+    from integrators.scenes.model.black_boxes import BlackBox
+
 
 LOCAL_NAME = re.compile("[xd][0-9]+")
 VALUE = -1
@@ -162,6 +164,13 @@ class System(ImmutableValue):
     def is_hamiltonian(self) -> bool:
         """Whether a Hamiltonian that does not depend on time generates the whole field."""
         return bool(self.summands) and all(summand.target is None for summand in self.summands)
+
+    @cached_property
+    def black_boxes(self) -> tuple[BlackBox, ...]:
+        """The compiled functions in the field."""
+        from integrators.scenes.model.black_boxes import boxes_in
+
+        return tuple(boxes_in(summand.formula for summand in self.summands))
 
     @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:

@@ -126,20 +126,22 @@ def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[
     variables = _variables_in(formula, sites, scene)
     names = {symbol.name for symbol in variables}
     arguments: list[Argument] = []
-    locals_: list[sympy.Dummy] = []  # dummies, because a variable of the scene may be called x0
+    locals_: list[sympy.Symbol] = []
+    free = formula.free_symbols
     for symbol in variables:
-        if symbol not in formula.free_symbols:  # part of an earlier difference
+        if symbol not in free:  # part of an earlier difference
             continue
-        local, minus = sympy.Dummy(), None
+        local, minus = symbol, None
         partner = symbol.name[:-1] + "j"
         if sites.roles == 2 and partner in names - {symbol.name}:
-            difference = _replaced(formula, {symbol: local + sympy.Symbol(partner)})
+            dummy = sympy.Dummy()
+            difference = _replaced(formula, {symbol: dummy + sympy.Symbol(partner)})
             if sympy.Symbol(partner) not in difference.free_symbols:
-                formula, minus = difference, _place(partner, sites, scene)
-        if minus is None:
-            formula = _replaced(formula, {symbol: local})
+                local, formula, minus = dummy, difference, _place(partner, sites, scene)
+                free = formula.free_symbols
         locals_.append(local)
         arguments.append(Argument(cast(Place, _place(symbol.name, sites, scene)), minus))
+    # at once: a variable of the scene may be called x0
     return _replaced(formula, {local: sympy.Symbol(f"x{k}") for k, local in enumerate(locals_)}), arguments
 
 

@@ -91,7 +91,8 @@ def degree(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> int | None
     """The total degree of a formula in some variables; None if it is not a polynomial in them."""
     import sympy
 
-    used = [variable for variable in variables if formula.has(variable)]
+    free = formula.free_symbols
+    used = [variable for variable in variables if variable in free]
     if not used:
         return 0
     return sympy.Poly(formula, *used).total_degree() if formula.is_polynomial(*used) else None

@@ -131,7 +131,7 @@ REFUSED = {
 def test_what_is_no_formula_is_refused(case):
     function, start, message = REFUSED[case]
     with pytest.raises(bs.IntegratorError, match=message):
-        scene_from_function(function, start)
+        scene_from_function(function, start, compiled=False)
 
 
 def test_an_odd_number_of_momenta_and_positions_is_refused():

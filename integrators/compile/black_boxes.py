@@ -1,0 +1,262 @@
+"""Machine code of black boxes: functions of Python in generated code.
+
+Generated code passes one array, with room for the values after the arguments. A function that fails cannot raise an
+error through machine code of steps: its values are nan, and its error is kept for the thread, see `failure`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dis
+import math
+import re
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from types import FunctionType
+from typing import Any, NoReturn, cast
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from foundation.extras import optional_module
+from integrators.compile.modules import load_module
+from integrators.compile.printer import indented
+from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, box_of
+from integrators.scenes.model.formulas import as_float
+from integrators.scenes.model.system import System
+from integrators.scenes.particles.expansion import filled
+
+_DISPATCHERS: WeakValueDictionary[int, Any] = WeakValueDictionary()
+_FAILURE = threading.local()
+
+SOURCE = '''\
+"""A function of Python in generated code."""
+
+from numba import carray, njit
+from integrators.compile.machine import OPTIONS
+
+NAN = float("nan")
+
+
+def bound(function, report):
+    """The functions that put values after the arguments: of an array, and of a pointer, without errors."""
+
+    @njit(**OPTIONS)
+    def evaluate(a):
+{lines}
+
+    @njit(**OPTIONS)
+    def call(p):
+        a = carray(p, {total})
+        failed = False
+        try:
+            evaluate(a)
+        except Exception:
+            failed = True
+        if failed:
+            report(p)
+            for k in range({inputs}, {total}):
+                a[k] = NAN
+
+    return evaluate, call
+'''
+
+
+def black_box(
+    function: Callable[..., Any], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
+    jacobian: BlackBox | None = None,
+) -> BlackBox:  # fmt: skip
+    """Compile a function of Python, or take one that numba has compiled.
+
+    Raises:
+        IntegratorError: Numba cannot compile it, or its value has another type or length.
+    """
+    box = BlackBox(dispatcher_of(function), name, arguments, shape, jacobian)
+    _compiled(box)
+    return box
+
+
+def dispatcher_of(function: Any) -> Any:
+    """The function as one of numba; the same one for the same function."""
+    numba = optional_module("numba", "a function without formulas")
+    if is_compiled(function):
+        return function
+    found = _DISPATCHERS.get(id(function))  # alive as long as its dispatcher
+    if found is None:
+        from integrators.compile.machine import OPTIONS
+
+        found = _DISPATCHERS[id(function)] = numba.njit(**OPTIONS)(_with_tuples(function))
+    return found
+
+
+def _with_tuples(function: Any) -> Any:
+    """The function with ``return (a, b)`` for ``return [a, b]``: lists take four times as long as the pendulum."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return function
+    text, instructions = bytearray(code.co_code), list(dis.get_instructions(code))
+    for one, following in pairwise(instructions):
+        if (one.opname, following.opname) == ("BUILD_LIST", "RETURN_VALUE"):
+            text[one.offset] = dis.opmap["BUILD_TUPLE"]
+    code = code.replace(co_code=bytes(text))
+    made = FunctionType(code, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
+    made.__kwdefaults__ = function.__kwdefaults__
+    return made
+
+
+def is_compiled(function: Any) -> bool:
+    """Whether a function was made by numba's decorators."""
+    return hasattr(function, "py_func") and hasattr(function, "get_call_template")
+
+
+def kernel(key: str) -> Any:
+    """The function of generated code with this key, call(p) of a pointer."""
+    return _compiled(box_of(key))[1]
+
+
+@lru_cache(maxsize=256)
+def _compiled(box: BlackBox) -> tuple[Any, Any]:
+    """The functions of an array and of a pointer."""
+    lines = [f"values = function({', '.join(_arguments(box))})", *_store(_value_type(box), "values", box)]
+    total = box.inputs + box.size
+    text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=total, inputs=box.inputs)
+
+    @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
+    def report(numbers: Any) -> None:
+        values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
+        try:
+            evaluated(box, values)
+        except Exception as error:
+            _FAILURE.error = box.name, values, error
+
+    return load_module(text, keep=False).bound(box.function, report)
+
+
+def _arguments(box: BlackBox) -> Iterator[str]:
+    """The arguments of the call, slices and entries of the array a."""
+    start = 0
+    for keyword, length in box.arguments:
+        text = f"a[{start}:{start + length}]" if length else f"a[{start}]"
+        yield f"{keyword}={text}" if keyword else text
+        start += max(1, length)
+
+
+def _value_type(box: BlackBox) -> Any:
+    """Numba's type of the value."""
+    from numba import types
+
+    kinds = [
+        (keyword, types.Array(types.float64, 1, "C") if length else types.float64) for keyword, length in box.arguments
+    ]
+    try:
+        dispatcher = types.Dispatcher(box.function)
+        given = tuple(kind for keyword, kind in kinds if not keyword)
+        named = {keyword: kind for keyword, kind in kinds if keyword}
+        return dispatcher.get_call_type(box.function.typingctx, given, named).return_type
+    except Exception as error:  # numba passes on those of others
+        raise IntegratorError(
+            f"function must be one that numba can compile, but {box.name} was not: {numba_reason(error)}"
+        ) from error
+
+
+def numba_reason(error: Exception) -> str:
+    """The reason why numba does not compile a function, in one line."""
+    lines = (line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", str(error)).splitlines())
+    found = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
+    return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
+
+
+def _store(kind: Any, text: str, box: BlackBox) -> list[str]:
+    """Statements that store a value of numba's type `kind`, whose shape is that of the black box."""
+    return _stored(kind, text, box.shape, str(box.inputs), box)
+
+
+def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
+    """Statements that store a part of a value from a place on."""
+    from numba import types
+
+    if not shape:
+        if not isinstance(kind, types.Float | types.Integer | types.Boolean):
+            _refuse_value(box, kind)
+        return [f"a[{place}] = {text}"]
+    if box.shape == (1,) and isinstance(kind, types.Float | types.Integer | types.Boolean):
+        return [f"a[{place}] = {text}"]
+    size, depth = shape[0], len(box.shape) - len(shape)
+    inner = math.prod(shape[1:])
+    if isinstance(kind, types.BaseTuple):
+        parts = tuple(cast(Any, kind))
+        if len(parts) != size:
+            _refuse_value(box, kind)
+        return [
+            line
+            for k, item in enumerate(parts)
+            for line in _stored(item, f"{text}[{k}]", shape[1:], f"{place} + {k * inner}", box)
+        ]
+    if isinstance(kind, types.Array) and kind.ndim == len(shape):
+        item = kind.dtype if kind.ndim == 1 else kind.copy(ndim=kind.ndim - 1)
+    elif isinstance(kind, types.List):
+        item = kind.dtype
+    else:
+        _refuse_value(box, kind)
+    lines = _stored(item, f"{text}[i{depth}]", shape[1:], f"{place} + {inner}*i{depth}", box)
+    error = f'raise ValueError("it must return {_size_text(box)}, but returned another number")'
+    return [f"if len({text}) != {size}:", f"    {error}", f"for i{depth} in range({size}):", *indented(lines)]
+
+
+def _size_text(box: BlackBox) -> str:
+    return "one number" if box.size == 1 else " times ".join(map(str, box.shape)) + " numbers"
+
+
+def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
+    raise IntegratorError(f"function must return {_size_text(box)}, but {box.name} returned the type {shown(kind)}")
+
+
+def evaluated(box: BlackBox, values: np.ndarray) -> np.ndarray:
+    """The value of a black box, with the errors that it raises."""
+    numbers = np.concatenate([values, np.empty(box.size)])
+    _compiled(box)[0](numbers)
+    return numbers[box.inputs :]
+
+
+def forget_failure() -> None:
+    """Forget the error of an earlier call in this thread."""
+    _FAILURE.error = None
+
+
+def failure() -> IntegratorError | None:
+    """The error of a call in this thread since `forget_failure`, in a sentence; None if there was none."""
+    found = getattr(_FAILURE, "error", None)
+    if found is None:
+        return None
+    error = IntegratorError(_failure_text(*found))
+    error.__cause__ = found[-1]
+    return error
+
+
+def _failure_text(name: str, values: np.ndarray, error: Exception) -> str:
+    at = shorten(", ".join(f"{x:g}" for x in values))
+    return f"{name} must have a value at ({at}), but raised {type(error).__name__}: {shorten(str(error), 200)}"
+
+
+def check_start(scene: System) -> None:
+    """Evaluate the black boxes of a scene at its start.
+
+    Raises:
+        IntegratorError: One raises an error there, or is not finite.
+    """
+    values = {symbol: as_float(value) for symbol, value in zip(scene.symbols, scene.start or (), strict=True)}
+    entries = {x.args[0]: x for summand in scene.summands for x in summand.formula.atoms(Entry)}
+    for entry in entries.values():
+        arguments: Any
+        box, _, *arguments = filled(cast(Any, entry), scene).args
+        box = cast(BlackBox, box)
+        point = np.array([values[x] if x in values else as_float(x) for x in arguments])
+        try:
+            found = evaluated(box, point)
+        except Exception as error:
+            raise IntegratorError(_failure_text(box.name, point, error)) from error
+        if not np.isfinite(found).all():
+            raise IntegratorError(f"y0 must be where {box.name} is finite, but its value was {shown(found.tolist())}")
