@@ -233,9 +233,17 @@ class Scene(System, Tabular):
         """The scene with other values of parameters, of the base system or of effects that are on."""
         return self._changed(with_values(self.declaration, self.active, values), self.active)
 
-    def with_start(self, /, **blocks: Any) -> Scene:
-        """The scene with other start values of some blocks."""
-        return self._changed(with_start_values(self.declaration, self.active, blocks), self.active)
+    def with_start(self, /, **values: Any) -> Scene:
+        """The scene with other start values of some blocks, or of single variables.
+
+        Raises:
+            IntegratorError: There is no such block or variable, or a block has another number of variables.
+
+        Example:
+            >>> Scene({"p": 2, "q": 2}, hamiltonian="p1^2 + q2", start={"p": [0, 0], "q": [1, 2]}).with_start(q2=3).y0
+            array([0., 0., 1., 3.])
+        """
+        return self._changed(with_start_values(self.declaration, self.active, values), self.active)
 
     def to_table(self) -> Table:
         """Variables, formulas, parameters, effects, first integrals and start; `print` and notebooks show it."""

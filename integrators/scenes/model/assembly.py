@@ -244,9 +244,11 @@ def with_values(scene: Declaration, active: Collection[str], values: Mapping[str
 
 
 def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
-    """The declaration with other start values of blocks, of the base system or of effects that are on."""
+    """The declaration with other start values of blocks or variables, of the base system or of effects that are on."""
     parts = _parts(scene)
-    owners = {block.name: owner for owner, part in parts.items() for block in part.blocks}
+    blocks = [(block, owner) for owner, part in parts.items() for block in part.blocks]
+    owners = {block.name: owner for block, owner in blocks}
+    entries = {name: (block.name, at) for block, _ in blocks for at, name in enumerate(block.variables)}
     if TIME in values and TIME not in owners and has_time(scene, active):
         owners[TIME] = BASE
         parts = {
@@ -254,8 +256,12 @@ def with_start_values(scene: Declaration, active: Collection[str], values: Mappi
             for owner, part in parts.items()
         }
     for name, value in values.items():
-        owner = _owner(name, owners, active, "block")
-        new = read_start({name: value}, parts[owner].blocks)
+        block, at = (name, None) if name in owners else entries.get(name, (name, None))
+        owner = _owner(block, owners, active, "block")
+        if at is not None:
+            whole = parts[owner].start.get(block, ())
+            value = [*whole[:at], value, *whole[at + 1 :]]
+        new = read_start({block: value}, parts[owner].blocks)
         parts[owner] = parts[owner]._replace(start={**parts[owner].start, **new})
     return _joined(scene, parts)
 

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrators import Effect, IntegratorError, Scene, Term
+from integrators import scene as named_scene
 from integrators.scenes.checks import guards
 from integrators.scenes.model import formulas
 from integrators.scenes.model.formulas import formula_text, read_formula
@@ -363,6 +364,11 @@ def test_parameters_and_start_values_can_be_replaced_where_they_exist():
     assert scene.with_start(p=2).start == (2, -1)
     assert scene.with_effects("drive").start == (0, -1, 1)
     assert scene.with_effects("drive").with_start(t=5, q=0).start == (0, 0, 5)
+    star = named_scene("henon-heiles")
+    assert star.with_start(q1="3/10").start == (*star.start[:2], Fraction(3, 10), star.start[3])
+    assert star.with_start(p2=1, q=[2, 3]).start == (star.start[0], 1, 2, 3)
+    with pytest.raises(IntegratorError, match="start.q must have as many values as the block has variables, 2"):
+        star.with_start(q1=[1, 2])
     with pytest.raises(IntegratorError, match="there is no parameter gamma unless the effect damping is on"):
         scene.with_parameters(gamma=1)
     with pytest.raises(IntegratorError, match=r"there is no parameter k; there are none"):
