@@ -367,7 +367,7 @@ def test_parameters_and_start_values_can_be_replaced_where_they_exist():
     star = named_scene("henon-heiles")
     assert star.with_start(q1="3/10").start == (*star.start[:2], Fraction(3, 10), star.start[3])
     assert star.with_start(p2=1, q=[2, 3]).start == (star.start[0], 1, 2, 3)
-    with pytest.raises(IntegratorError, match="start.q must have as many values as the block has variables, 2"):
+    with pytest.raises(IntegratorError, match=r"start\.q must have as many values as the block has variables, 2"):
         star.with_start(q1=[1, 2])
     with pytest.raises(IntegratorError, match="there is no parameter gamma unless the effect damping is on"):
         scene.with_parameters(gamma=1)
