@@ -8,7 +8,6 @@ import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.helpers import label_panels, name_of, power_of_h, scientific, short_names, state
 from bseries.figures.options import read_methods, read_number, read_start
-from bseries.hamiltonians.drift.orbits import closed_orbit
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
@@ -81,6 +80,8 @@ def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: An
 def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
     """Points of the exact solution over the time in which it turns back or over, (2, points)."""
     import sympy
+
+    from bseries.hamiltonians.drift.orbits import closed_orbit
 
     period = float(closed_orbit(scene, start, {1: 2 * sympy.pi}).period)
     if not period:
