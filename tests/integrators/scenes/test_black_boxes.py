@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import pickle
 import subprocess
@@ -14,6 +15,7 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 import bseries as bs
+from integrators.compile.black_boxes import dispatcher_of
 from integrators.reference.halved_steps import settled_solution
 from integrators.scenes.functions import scene_from_function
 
@@ -171,6 +173,23 @@ def test_equal_is_the_same_function():
     ]
     np.testing.assert_array_equal(ends[0], ends[1])
     assert ends[2][0, -1] > 2 * ends[0][0, -1]
+
+
+def test_functions_that_are_gone_are_not_taken_for_new_ones():
+    """A new function may have the address of one that is gone while its scene is used."""
+
+    def made(a):
+        return lambda y: [a * y[0] if y[0] > 0 else 0.0]
+
+    scenes = [scene_from_function(made(float(a)), [1]) for a in range(4)]
+    assert [bs.integrators.right_hand_side(scene)(0.0, [1.0])[0] for scene in scenes] == [0, 1, 2, 3]
+    assert len(set(scenes)) == 4
+
+
+@pytest.mark.parametrize("function", [functools.partial(max, 1), type("Rate", (), {"__call__": lambda self, y: y})()])
+def test_other_callables_are_not_compiled(function):
+    with pytest.raises(bs.IntegratorError, match="function must be made by def or lambda to be compiled, but"):
+        dispatcher_of(function)
 
 
 def test_functions_of_numba_are_taken_as_they_are():
