@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import label_panels, name_of, scientific, short_names, state, truncated_scene
+from bseries.figures.helpers import column_names, label_panels, name_of, scientific, short_names, state, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
 from foundation.printed_names import printed_name
@@ -157,8 +157,8 @@ def columns(numbers: AreaPatch) -> dict[str, np.ndarray]:
     """The areas over time, and the outlines at the end."""
     table = {"t": numbers.t, "t_flows": numbers.fine_t, "area_exact": areas(numbers.exact)}
     last = {"exact": numbers.exact[-1]}
-    for k, found in enumerate(numbers.carried, 1):
-        key = (found.method.name or f"method{k}").replace("-", "_")
+    names = column_names([found.method for found in numbers.carried])
+    for key, found in zip(names, numbers.carried, strict=True):
         table |= {f"area_{key}": areas(found.steps), f"area_modified_{key}": areas(found.modified)}
         last |= {key: found.steps[-1], f"modified_{key}": found.modified[-1]}
     for key, outline in last.items():

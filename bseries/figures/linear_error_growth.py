@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices, name_of, power
+from bseries.figures.helpers import column_names, growth_exponent, label_panels, logarithmic_indices, name_of, power
 from bseries.figures.options import read_method, read_number
 from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 
@@ -164,12 +164,11 @@ def _largest(differences: np.ndarray) -> np.ndarray:
 
 def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
     """All curves, as functions of time."""
-    other = numbers.method.name or "other"
-    table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{other}": numbers.other}
+    first, other = column_names([bs.method(SYMPLECTIC), numbers.method])
+    table = {"t": numbers.t, f"error_{first}": numbers.symplectic, f"error_{other}": numbers.other}
     table |= {f"error_after_{n}_terms": row for n, row in enumerate(numbers.predicted, 1)}
-    table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{other}": numbers.other_actions}
-    table |= {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
-    return {name.replace("-", "_"): column for name, column in table.items()}
+    table |= {f"actions_{first}": numbers.actions, f"actions_{other}": numbers.other_actions}
+    return table | {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
 
 
 def caption(numbers: LinearErrorGrowth) -> str:
