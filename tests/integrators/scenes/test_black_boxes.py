@@ -121,8 +121,11 @@ def stiff_jacobian(t, y, mu=1000.0):
     return [[0.0, 1.0], [-2 * mu * y[0] * y[1] - 1, mu * (1 - y[0] ** 2)]]
 
 
-@pytest.mark.parametrize("method", ["radau-iia3", "ros34pw2"])
-def test_a_jacobian_serves_methods_that_need_derivatives(method):
+@pytest.mark.parametrize(
+    ("method", "need"),
+    [("radau-iia3", "h must be small enough"), ("ros34pw2", "given by formulas for derivatives of its field")],
+)
+def test_a_jacobian_serves_methods_that_need_derivatives(method, need):
     scene = scene_from_function(stiff, [2, 0], jacobian=stiff_jacobian)
     field = {"y1": "y2", "y2": "mu*(1 - y1^2)*y2 - y1"}
     same = bs.Scene({"y": 2}, field=field, parameters={"mu": 1000}, start={"y": [2, 0]})
@@ -130,7 +133,7 @@ def test_a_jacobian_serves_methods_that_need_derivatives(method):
     np.testing.assert_allclose(*runs, rtol=1e-12, atol=1e-15)
     with pytest.raises(bs.IntegratorError, match="must return 2 times 2 numbers, but"):
         scene_from_function(stiff, [2, 0], jacobian=stiff)
-    with pytest.raises(bs.IntegratorError, match=r"h must be small enough|given by formulas for derivatives"):
+    with pytest.raises(bs.IntegratorError, match=need):
         bs.integrate(method, scene_from_function(stiff, [2, 0]), h=0.5, steps=50)
 
 
