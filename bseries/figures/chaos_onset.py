@@ -167,6 +167,7 @@ def _draw_bottom(axes: Axes, numbers: ChaosOnset) -> None:
 
 
 def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
+    """The starts by step size, chaotic ones coloured."""
     from matplotlib.colors import ListedColormap
 
     axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, SKY]), shading="nearest", rasterized=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import column_names, growth_exponent, label_panels, logarithmic_indices, name_of, power
+from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices, name_of, power
 from bseries.figures.options import read_method, read_number
 from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 
@@ -144,6 +144,7 @@ def _rotating(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray
 
 
 def _action_angles(states: np.ndarray) -> np.ndarray:
+    """Actions and angles of states (p, q), (4, times)."""
     import numpy as np
 
     p, q = np.split(states, 2)
@@ -164,11 +165,12 @@ def _largest(differences: np.ndarray) -> np.ndarray:
 
 def columns(numbers: LinearErrorGrowth) -> dict[str, np.ndarray]:
     """All curves, as functions of time."""
-    first, other = column_names([bs.method(SYMPLECTIC), numbers.method])
-    table = {"t": numbers.t, f"error_{first}": numbers.symplectic, f"error_{other}": numbers.other}
+    other = numbers.method.name or "other"
+    table = {"t": numbers.t, f"error_{SYMPLECTIC}": numbers.symplectic, f"error_{other}": numbers.other}
     table |= {f"error_after_{n}_terms": row for n, row in enumerate(numbers.predicted, 1)}
-    table |= {f"actions_{first}": numbers.actions, f"actions_{other}": numbers.other_actions}
-    return table | {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
+    table |= {f"actions_{SYMPLECTIC}": numbers.actions, f"actions_{other}": numbers.other_actions}
+    table |= {f"new_actions_after_{n}_terms": row for n, row in enumerate(numbers.new_actions, 1)}
+    return {name.replace("-", "_"): column for name, column in table.items()}
 
 
 def caption(numbers: LinearErrorGrowth) -> str:

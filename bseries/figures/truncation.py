@@ -216,6 +216,7 @@ def _frame(centre: tuple[float, float], half: float) -> Patch:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, k: int, size: float) -> None:
+    """The curves of the k-th method, and its steps as dots of a size."""
     for curve, style in zip(numbers.curves[k], _styles(numbers), strict=True):
         axes.plot(*curve, **style)
     dots = {"color": WHITE, "markeredgecolor": BLACK, "markeredgewidth": 0.6, "markersize": size, "linestyle": "none"}
