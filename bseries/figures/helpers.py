@@ -160,8 +160,8 @@ def column_names(methods: Sequence[Method]) -> list[str]:
     """The names of methods in names of columns, all different.
 
     Example:
-        >>> column_names([bs.method("stormer-verlet"), bs.method("rk4")])
-        ['stormer_verlet', 'rk4']
+        >>> column_names([bs.method("symplectic-euler-p"), bs.method("rk4")])
+        ['symplectic_euler_p', 'rk4']
         >>> column_names([bs.method("rk4"), bs.method("rk4")])
         ['rk4_1', 'rk4_2']
     """
