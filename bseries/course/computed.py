@@ -16,7 +16,7 @@ from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
 from bseries.figures.lennard_jones_drift import LECTURE, SIMPLIFIED
 from bseries.figures.lennard_jones_drift import start as equilibrated
-from integrators.core.errors import suggestion
+from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
     import sympy
@@ -68,8 +68,7 @@ def computed(name: str) -> str:
         \\frac{6 \\pi}{5}
     """
     if name not in COMPUTED:
-        near = suggestion(name, COMPUTED)
-        raise SeriesError(f"a place in a text must be one of {', '.join(COMPUTED)}, but was {name!r:.60}{near}")
+        raise SeriesError(not_one_of(COMPUTED, "a place in a text", name))
     return COMPUTED[name]()
 
 

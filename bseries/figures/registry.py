@@ -12,7 +12,7 @@ from bseries.exceptions import SeriesError
 from bseries.figures.animations import save_animation
 from foundation.extras import optional_module
 from foundation.plotting import new_figure, print_style
-from integrators.core.errors import suggestion
+from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,8 +79,7 @@ def figure_file(name: str) -> FigureFile:
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
         return file
-    names = figure_names()
-    raise SeriesError(f"name must be one of {', '.join(names)}, but was {name!r:.60}{suggestion(str(name), names)}")
+    raise SeriesError(not_one_of(figure_names(), "name", name))
 
 
 def _modules() -> list[str]:
