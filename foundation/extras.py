@@ -5,9 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-EXTRAS = {"matplotlib": "plot", "scipy": "scipy", "pandas": "frames", "xarray": "frames", "distributed": "cluster"}
-EXTRAS |= dict.fromkeys(("bokeh", "jinja2"), "explore") | dict.fromkeys(("pypandoc", "typst"), "course")
-EXTRAS["imageio_ffmpeg"] = "animate"
+EXTRAS = {
+    "matplotlib": "plot", "imageio_ffmpeg": "animate", "scipy": "scipy", "pandas": "frames", "xarray": "frames",
+    "distributed": "cluster", "bokeh": "explore", "jinja2": "explore", "pypandoc": "course", "typst": "course",
+}  # fmt: skip
 """The extra of this distribution that installs a package."""
 
 

@@ -37,8 +37,6 @@ WHOLE = {
 }
 """Names, and parts of names, that follow no rule."""
 _PART = re.compile(r"([a-z]*)([0-9]*\w*)")
-
-
 _NAME = re.compile(r"(?<![\w./\\-])[a-z][a-z0-9]+(?:-[a-z0-9]+)*(?![\w/\\-]|\.\w)")
 """A name in a text; file names are none."""
 _POWER = re.compile(r"(?<=\w)\^([0-9]+)\b")

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import bseries as bs
 from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
+from bseries.figures.lennard_jones_drift import LECTURE, SIMPLIFIED
 from bseries.figures.lennard_jones_drift import start as equilibrated
-from integrators.core.errors import suggestion
+from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
     import sympy
@@ -28,14 +29,12 @@ TREES, METHODS = 4, ("explicit-euler", "implicit-midpoint", "rk4")
 """Largest number of nodes, and methods, in the table of trees."""
 LINEAR = ("explicit-euler", "implicit-midpoint", "heun2", "rk4")
 """Methods in the table of convergence radii."""
-SIMPLIFIED, H_PENDULUM, START_PENDULUM = "simplified-takahashi-imada", 0.2, (2.5, 0.0)
-"""The method, the step size and the start of figure 7."""
+H_PENDULUM, START_PENDULUM = 0.2, (2.5, 0.0)
+"""The step size and the start of figure 7."""
 FINE, TURNS = 200, 500
 """Points per turn and turns of the exact pendulum for a mean over time."""
 H_ATOMS, STEPS_ATOMS, SEEDS_ATOMS = 0.01, 200_000, 4
 """Step size, length and number of the trajectories of atoms for means over time."""
-LECTURE_DEVIATION, LECTURE_MEMBERS = 3.08e-6, 400
-"""σ at t = 20,000, with the exponent of the axis, and the number of trajectories in the lecture's figure 8."""
 
 
 def places(text: str) -> list[str]:
@@ -69,8 +68,7 @@ def computed(name: str) -> str:
         \\frac{6 \\pi}{5}
     """
     if name not in COMPUTED:
-        near = suggestion(name, COMPUTED)
-        raise SeriesError(f"a place in a text must be one of {', '.join(COMPUTED)}, but was {name!r:.60}{near}")
+        raise SeriesError(not_one_of(COMPUTED, "a place in a text", name))
     return COMPUTED[name]()
 
 
@@ -278,13 +276,15 @@ def _predicted_deviation() -> str:
 
 def _lecture_mean_error() -> str:
     """The standard error of the lecture's μ, by its own σ."""
-    return _scientific(LECTURE_DEVIATION / LECTURE_MEMBERS**0.5, 2)
+    members, _, deviation, _ = LECTURE
+    return _scientific(deviation / members**0.5, 2)
 
 
 def _agreeing_step() -> str:
     """The step size for which our σ would be the lecture's, if σ is proportional to h⁴."""
     data = figure_data("lennard-jones-drift")
-    return f"{data.h * (LECTURE_DEVIATION / data.deviation[-1]) ** 0.25:.4f}"
+    _, _, deviation, _ = LECTURE
+    return f"{data.h * (deviation / data.deviation[-1]) ** 0.25:.4f}"
 
 
 def _any_hamiltonian() -> tuple[sympy.Expr, list[sympy.Symbol], list[sympy.Symbol]]:

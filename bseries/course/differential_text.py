@@ -130,6 +130,7 @@ class _Reader:
         return self.text[self.place : self.place + 1]
 
     def skip(self, sign: str) -> None:
+        """Go past a character, which must be the next one."""
         if self.next() != sign:
             self.refuse(f"has {self.next() or 'its end'!r} where {sign!r} is expected at position {self.place + 1}")
         self.place += 1

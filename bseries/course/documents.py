@@ -14,7 +14,7 @@ from bseries.course.pages import html_page, parsed, pdf_pages, without
 from bseries.course.pictures import drawn_picture
 from bseries.exceptions import SeriesError
 from foundation.extras import optional_module
-from integrators.core.errors import suggestion
+from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write
 
 
@@ -107,6 +107,5 @@ def make_course(
 def _known(name: str, known: dict[str, Item], argument: str) -> Item:
     """The value of a name."""
     if name not in known:
-        near = suggestion(name, known)
-        raise SeriesError(f"{argument} must be one of {', '.join(known)}, but was {name!r:.60}{near}")
+        raise SeriesError(not_one_of(known, argument, name))
     return known[name]

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from random import Random
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
@@ -38,7 +37,6 @@ SMALL_STEP = 4
 
 FUNCTIONS = {"Pi": "pi", "Exp1": "e"}
 """Names of mpmath for those of SymPy that differ."""
-NOTHING: Mapping[Any, Any] = MappingProxyType({})
 
 EXACTLY = "equal exactly"
 AT_POINTS = f"equal to {AGREEING} digits at {POINTS} random points"
@@ -159,7 +157,7 @@ def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
     import mpmath
 
     with mpmath.workdps(DIGITS):
-        x, y = _real(given, NOTHING), value(number, NOTHING)
+        x, y = _real(given, {}), value(number, {})
         unit = mpmath.mpf(10) ** (int(mpmath.floor(mpmath.log10(abs(y)))) + 1 - digits)
         return x is not None and abs(x - y) <= unit / 2
 
@@ -199,7 +197,7 @@ def value(formula: Any, point: Mapping[Any, Any]) -> Any:
 
 
 def _at_points(
-    first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] = NOTHING
+    first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] | None = None
 ) -> list[Sample]:
     """Both formulas at `POINTS` random points where the second one is real, with fixed values of some symbols."""
     import mpmath
@@ -208,7 +206,7 @@ def _at_points(
     with mpmath.workdps(DIGITS):
         for _ in range(TRIED):
             drawn = {symbol: mpmath.mpf(random.randint(-2 * SPREAD, 2 * SPREAD)) / SPREAD for symbol in symbols}
-            point = {**drawn, **fixed}
+            point = {**drawn, **(fixed or {})}
             wanted = _real(second, point)
             if wanted is not None:
                 found.append(Sample(point, _real(first, point), wanted))

@@ -44,8 +44,8 @@ class Picture(NamedTuple):
     @property
     def address(self) -> str:
         """The file as a data URI."""
-        kind = {"svg": "image/svg+xml"}.get(self.suffix, f"image/{self.suffix}")
-        return f"data:{kind};base64,{b64encode(self.content).decode()}"
+        kind = "svg+xml" if self.suffix == "svg" else self.suffix
+        return f"data:image/{kind};base64,{b64encode(self.content).decode()}"
 
 
 Pictures = Mapping[str, Picture]

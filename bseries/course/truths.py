@@ -76,6 +76,7 @@ def midpoint_preserves_volume() -> tuple[str, ...]:
 
 
 def _polar() -> Any:
+    """The change to polar coordinates in the plane."""
     new, positions = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
     return bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
 
@@ -128,6 +129,7 @@ def scaling_factor() -> tuple[Any]:
 
 @cache
 def _field_nijhoff() -> Any:
+    """Field and Nijhoff's modified Hamiltonian in closed form."""
     return bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import label_panels, name_of, scientific, short_names, state, truncated_scene
+from bseries.figures.helpers import column_names, label_panels, name_of, scientific, short_names, state, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
 from foundation.printed_names import printed_name
@@ -157,8 +157,8 @@ def columns(numbers: AreaPatch) -> dict[str, np.ndarray]:
     """The areas over time, and the outlines at the end."""
     table = {"t": numbers.t, "t_flows": numbers.fine_t, "area_exact": areas(numbers.exact)}
     last = {"exact": numbers.exact[-1]}
-    for k, found in enumerate(numbers.carried, 1):
-        key = (found.method.name or f"method{k}").replace("-", "_")
+    names = column_names([found.method for found in numbers.carried])
+    for key, found in zip(names, numbers.carried, strict=True):
         table |= {f"area_{key}": areas(found.steps), f"area_modified_{key}": areas(found.modified)}
         last |= {key: found.steps[-1], f"modified_{key}": found.modified[-1]}
     for key, outline in last.items():
@@ -186,7 +186,7 @@ def caption(numbers: AreaPatch) -> str:
 def draw(numbers: AreaPatch, figure: Figure) -> None:
     """A column for each method: the patch at some times, and its area."""
     panels = _panels(numbers, figure)
-    shown = [round(x) for x in _spread(len(numbers.t) - 1)]
+    shown = [round((len(numbers.t) - 1) * k / (SNAPSHOTS - 1)) for k in range(SNAPSHOTS)]
     for (above, below), found in zip(panels, numbers.carried, strict=True):
         for k in shown:
             for artist, outline in zip(_patch(above), _outlines(numbers, found, k * FINE), strict=True):
@@ -195,11 +195,6 @@ def draw(numbers: AreaPatch, figure: Figure) -> None:
             above.text(across[up.argmax()], up.max(), f"$t = {numbers.t[k]:.3g}$", fontsize=7, ha="center", va="bottom")
         _draw_areas(below, numbers, found, len(numbers.fine_t))
     _draw_legend(figure, panels)
-
-
-def _spread(last: int) -> list[float]:
-    """Equidistant places from 0 to the last one."""
-    return [last * k / (SNAPSHOTS - 1) for k in range(SNAPSHOTS)]
 
 
 def _panels(numbers: AreaPatch, figure: Figure) -> list[tuple[Axes, Axes]]:
@@ -248,17 +243,16 @@ def _move(artist: Any, outline: np.ndarray) -> None:
 
 
 def _draw_areas(axes: Axes, numbers: AreaPatch, found: Carried, count: int) -> list[Any]:
-    """The areas up to a fine time."""
+    """The areas at the first `count` fine times, and at the steps up to there."""
     lines = []
     styles: Any = (
-        (numbers.t, found.steps, {"marker": "o", "linestyle": "none", "color": BLUE}),
-        (numbers.fine_t, numbers.exact, {"color": BLACK, "linewidth": 0.8, "linestyle": (0, (4, 1.5))}),
-        (numbers.fine_t, found.modified, {"color": VERMILION, "linestyle": (0, (1, 1))}),
+        (numbers.t, found.steps, (count - 1) // FINE + 1, {"marker": "o", "linestyle": "none", "color": BLUE}),
+        (numbers.fine_t, numbers.exact, count, {"color": BLACK, "linewidth": 0.8, "linestyle": (0, (4, 1.5))}),
+        (numbers.fine_t, found.modified, count, {"color": VERMILION, "linestyle": (0, (1, 1))}),
     )
-    for t, outlines, style in styles:
+    for t, outlines, shown, style in styles:
         values = areas(outlines)
-        shown = t <= numbers.fine_t[count - 1] * (1 + 1e-12)
-        lines += axes.plot(t[shown], values[shown] / values[0], **style)
+        lines += axes.plot(t[:shown], values[:shown] / values[0], **style)
     return lines
 
 

@@ -31,8 +31,6 @@ BOTTOM = (1.5, 3.0, 46)
 """Momenta at q = 0, in the same way; the separatrix of the exact flow is at 2."""
 SADDLE = (-4.0, 0.0, 49)
 """Decimal logarithms of momenta at q = −π; the separatrix is at p = 0."""
-
-
 FRAMES, ORBIT = 106, 800
 """Frames of the animation, and steps of its orbits."""
 MOVING = (0.3, 3.6, 34)
@@ -169,6 +167,7 @@ def _draw_bottom(axes: Axes, numbers: ChaosOnset) -> None:
 
 
 def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> None:
+    """The starts by step size, chaotic ones coloured."""
     from matplotlib.colors import ListedColormap
 
     axes.pcolormesh(h, p, chaotic.T, cmap=ListedColormap([WHITE, SKY]), shading="nearest", rasterized=True)

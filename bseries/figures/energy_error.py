@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import label_panels, name_of, power_of_h, scientific, short_names, state
+from bseries.figures.helpers import column_names, label_panels, name_of, power_of_h, scientific, short_names, state
 from bseries.figures.options import read_methods, read_number, read_start
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
@@ -105,8 +105,7 @@ def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
     import numpy as np
 
     table = {"t": numbers.t}
-    for k, run in enumerate(numbers.runs, 1):
-        key = (run.method.name or f"method{k}").replace("-", "_")
+    for key, run in zip(column_names([run.method for run in numbers.runs]), numbers.runs, strict=True):
         table |= {f"error_{key}": run.errors, f"predicted_slope_{key}": np.array([run.slope])}
         table[f"predicted_band_{key}"] = np.array(run.band)
     return table

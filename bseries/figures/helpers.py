@@ -156,6 +156,19 @@ def short_names(methods: Sequence[Method]) -> list[str]:
     return short if len(set(short)) == len(short) else names
 
 
+def column_names(methods: Sequence[Method]) -> list[str]:
+    """The names of methods in names of columns, all different.
+
+    Example:
+        >>> column_names([bs.method("symplectic-euler-p"), bs.method("rk4")])
+        ['symplectic_euler_p', 'rk4']
+        >>> column_names([bs.method("rk4"), bs.method("rk4")])
+        ['rk4_1', 'rk4_2']
+    """
+    names = [(method.name or f"method{k}").replace("-", "_") for k, method in enumerate(methods, 1)]
+    return names if len(set(names)) == len(names) else [f"{name}_{k}" for k, name in enumerate(names, 1)]
+
+
 def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:
     """Titles of panels, which begin with (a), (b), …"""
     for letter, axes, title in zip("abcdefghi", panels, titles, strict=False):

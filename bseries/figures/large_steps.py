@@ -165,6 +165,7 @@ def draw(numbers: LargeSteps, figure: Figure) -> None:
 
 
 def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
+    """The level curves through the starts, and the orbits, for the k-th step size."""
     import numpy as np
 
     values = np.unique(numbers.energies[k, :, 0])

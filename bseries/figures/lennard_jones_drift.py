@@ -165,6 +165,7 @@ def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
 
 
 def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
+    """Single trajectories, the mean, the deviation and the fitted √t."""
     t, fit = numbers.t, numbers.coefficient * numbers.t**0.5
     for k, errors in enumerate(numbers.single):
         axes.plot(t, errors, color=SKY, linewidth=0.5, label=None if k else "trajectories")
@@ -178,6 +179,7 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
 
 
 def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
+    """The deviation, the fitted √t and the mean in logarithmic scales."""
     rows = logarithmic_indices(len(numbers.t), SHOWN)
     t, deviation, mean, error = (
         values[rows] for values in (numbers.t, numbers.deviation, numbers.mean, numbers.standard_error)

@@ -144,6 +144,7 @@ def _rotating(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray
 
 
 def _action_angles(states: np.ndarray) -> np.ndarray:
+    """Actions and angles of states (p, q), (4, times)."""
     import numpy as np
 
     p, q = np.split(states, 2)

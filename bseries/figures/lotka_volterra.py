@@ -6,7 +6,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, listed, name_of, power_of_h, short_names, state, truncated_scene
+from bseries.figures.helpers import (
+    column_names,
+    label_panels,
+    listed,
+    name_of,
+    power_of_h,
+    short_names,
+    state,
+    truncated_scene,
+)
 from bseries.figures.options import read_methods, read_number, read_starts
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
@@ -144,14 +153,13 @@ def _interpolated(x: np.ndarray, y: np.ndarray, at: float) -> float:
 
 def columns(numbers: LotkaVolterra) -> dict[str, np.ndarray]:
     """The states of the numerical solutions and of all curves, by number."""
-    names = [method.name or f"method{k}" for k, method in enumerate(numbers.methods, 1)]
+    names = column_names(numbers.methods)
     sets = dict(zip(names, numbers.steps, strict=True)) | {"exact": [curve.states for curve in numbers.exact]}
     sets |= {f"modified_{n}": [c.states for c in curves] for n, curves in zip(names, numbers.modified, strict=True)}
     table = {}
     for name, curves in sets.items():
         for k, (p, q) in enumerate(curves, 1):
-            key = f"{name}_{k}".replace("-", "_")
-            table |= {f"p_{key}": p, f"q_{key}": q}
+            table |= {f"p_{name}_{k}": p, f"q_{name}_{k}": q}
     return table
 
 

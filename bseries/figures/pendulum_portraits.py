@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import (
+    column_names,
     label_panels,
     listed,
     name_of,
@@ -109,10 +110,10 @@ def _level_curves(energy: float) -> list[np.ndarray]:
 def columns(numbers: PendulumPortraits) -> dict[str, np.ndarray]:
     """States and energies of the runs, and the level curves by number."""
     table = {}
-    for j, (method, _, _, runs, energies) in enumerate(numbers.portraits, 1):
+    names = column_names([portrait.method for portrait in numbers.portraits])
+    for name, (_, _, _, runs, energies) in zip(names, numbers.portraits, strict=True):
         for k, ((p, q), energy) in enumerate(zip(runs, energies, strict=True), 1):
-            key = f"{method.name or f'method{j}'}_{k}".replace("-", "_")
-            table |= {f"p_{key}": p, f"q_{key}": q, f"energy_{key}": energy}
+            table |= {f"p_{name}_{k}": p, f"q_{name}_{k}": q, f"energy_{name}_{k}": energy}
     for k, (p, q) in enumerate(numbers.levels, 1):
         table |= {f"p_level_{k}": p, f"q_level_{k}": q}
     return table

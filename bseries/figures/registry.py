@@ -12,7 +12,7 @@ from bseries.exceptions import SeriesError
 from bseries.figures.animations import save_animation
 from foundation.extras import optional_module
 from foundation.plotting import new_figure, print_style
-from integrators.core.errors import suggestion
+from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,15 +79,16 @@ def figure_file(name: str) -> FigureFile:
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
         return file
-    names = figure_names()
-    raise SeriesError(f"name must be one of {', '.join(names)}, but was {name!r:.60}{suggestion(str(name), names)}")
+    raise SeriesError(not_one_of(figure_names(), "name", name))
 
 
 def _modules() -> list[str]:
+    """The names of all files of this folder."""
     return [module.name for module in iter_modules(import_module(__package__ or "").__path__)]
 
 
 def _load(module: str) -> FigureFile:
+    """A file of this folder."""
     return cast(FigureFile, import_module(f".{module}", __package__))
 
 
@@ -102,6 +103,7 @@ def takes_progress(file: FigureFile) -> bool:
 
 
 def _accepted(file: FigureFile) -> dict[str, Any]:
+    """The keyword arguments of a figure with their defaults."""
     return getattr(file.numbers, "__kwdefaults__", None) or {}
 
 
@@ -151,7 +153,7 @@ def check_moving(file: FigureFile) -> None:
     """Refuse a figure that has no frames."""
     if not hasattr(file, "frames"):
         names = ", ".join(name for name in figure_names() if hasattr(figure_file(name), "frames"))
-        raise SeriesError(f"name must be a figure that moves, one of {names}, for an animation, but was another")
+        raise SeriesError(f"name must be a figure that moves, one of {names}, but was {file.TITLE!r:.60}")
 
 
 def figure(name: str, **options: Any) -> LectureFigure:

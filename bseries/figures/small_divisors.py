@@ -137,6 +137,7 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
 
 
 def _draw_divisors(axes: Axes, found: Divisors) -> None:
+    """The least divisors, and the bound with the largest possible γ."""
     axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
     bound = found.gamma * found.norm ** -float(found.nu)
     label = rf"$\gamma\,|k|^{{-{found.nu}}}$ with $\gamma = {found.gamma:.1g}$"

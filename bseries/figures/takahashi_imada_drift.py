@@ -64,6 +64,7 @@ def numbers(*, h: Any = 0.2, p: Any = 2.5, span: Any = 5000) -> TakahashiImadaDr
 
 
 def _drift(scene: Scene, h: float, momentum: float, steps: int) -> Drift:
+    """The three runs on a scene, and the predicted slope."""
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), scene, TERMS).observer(h)
 
     def error(method: str, p: float) -> np.ndarray:

@@ -116,6 +116,7 @@ def draw(numbers: Conservation, figure: Figure) -> None:
 
 
 def _draw_curves(axes: Axes, x: np.ndarray, rows: np.ndarray, numbers: Conservation) -> None:
+    """A curve for each number of terms; few points have markers."""
     is_short = len(x) < SHOWN // 2
     for k, (n, row) in enumerate(zip(numbers.terms, rows, strict=True)):
         label = f"$N = {n}$: $h^{{{numbers.exponents[k]:.2f}}}$"

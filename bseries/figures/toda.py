@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, name_of, power, power_exponent, short_names
+from bseries.figures.helpers import column_names, label_panels, name_of, power, power_exponent, short_names
 from bseries.figures.options import read_methods, read_numbers
 from foundation.plotting import BLUE, ORANGE
 
@@ -91,8 +91,8 @@ def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
 def columns(numbers: Toda) -> dict[str, np.ndarray]:
     """The times and errors of each method."""
     table = {}
-    for k, (method, _, t, values, solution) in enumerate(numbers, 1):
-        key = (method.name or f"method{k}").replace("-", "_")
+    names = column_names([run.method for run in numbers])
+    for key, (_, _, t, values, solution) in zip(names, numbers, strict=True):
         table |= {f"t_{key}": t, f"eigenvalue_error_{key}": values, f"global_error_{key}": solution}
     return table
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.helpers import (
+    column_names,
     label_panels,
     listed,
     name_of,
@@ -154,8 +155,7 @@ def _gaps(curve: np.ndarray, points: np.ndarray) -> np.ndarray:
 def columns(numbers: Truncation) -> dict[str, np.ndarray]:
     """States and distances at the times of the steps, and the curves at theirs."""
     table = {"t": numbers.t, "t_curves": numbers.fine_t}
-    for j, method in enumerate(numbers.methods):
-        key = (method.name or f"method{j + 1}").replace("-", "_")
+    for j, key in enumerate(column_names(numbers.methods)):
         table |= dict(zip((f"p_{key}", f"q_{key}"), numbers.steps[j], strict=True))
         for k, (curve, distance) in enumerate(zip(numbers.curves[j], numbers.distances(j), strict=True), 1):
             ending = f"{key}_{k}_terms"
@@ -216,6 +216,7 @@ def _frame(centre: tuple[float, float], half: float) -> Patch:
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, k: int, size: float) -> None:
+    """The curves of the k-th method, and its steps as dots of a size."""
     for curve, style in zip(numbers.curves[k], _styles(numbers), strict=True):
         axes.plot(*curve, **style)
     dots = {"color": WHITE, "markeredgecolor": BLACK, "markeredgewidth": 0.6, "markersize": size, "linestyle": "none"}

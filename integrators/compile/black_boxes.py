@@ -16,7 +16,7 @@ from functools import lru_cache
 from itertools import pairwise
 from types import FunctionType
 from typing import Any, NoReturn, cast
-from weakref import WeakValueDictionary
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
-_DISPATCHERS: WeakValueDictionary[int, Any] = WeakValueDictionary()
+_DISPATCHERS: WeakKeyDictionary[FunctionType, Any] = WeakKeyDictionary()
 _FAILURE = threading.local()
 
 SOURCE = '''\
@@ -84,19 +84,19 @@ def dispatcher_of(function: Any) -> Any:
     numba = optional_module("numba", "a function without formulas")
     if is_compiled(function):
         return function
-    found = _DISPATCHERS.get(id(function))  # alive as long as its dispatcher
+    if not isinstance(function, FunctionType):
+        raise IntegratorError(f"function must be made by def or lambda to be compiled, but was {shown(function)}")
+    found = _DISPATCHERS.get(function)
     if found is None:
         from integrators.compile.machine import OPTIONS
 
-        found = _DISPATCHERS[id(function)] = numba.njit(**OPTIONS)(_with_tuples(function))
+        found = _DISPATCHERS[function] = numba.njit(**OPTIONS)(_with_tuples(function))
     return found
 
 
-def _with_tuples(function: Any) -> Any:
-    """The function with ``return (a, b)`` for ``return [a, b]``: lists take four times as long as the pendulum."""
-    code = getattr(function, "__code__", None)
-    if code is None:
-        return function
+def _with_tuples(function: FunctionType) -> FunctionType:
+    """A copy with ``return (a, b)`` for ``return [a, b]``: lists take four times as long as the pendulum."""
+    code = function.__code__
     text, instructions = bytearray(code.co_code), list(dis.get_instructions(code))
     for one, following in pairwise(instructions):
         if (one.opname, following.opname) == ("BUILD_LIST", "RETURN_VALUE"):
@@ -120,9 +120,9 @@ def kernel(key: str) -> Any:
 @lru_cache(maxsize=256)
 def _compiled(box: BlackBox) -> tuple[Any, Any]:
     """The functions of an array and of a pointer."""
-    lines = [f"values = function({', '.join(_arguments(box))})", *_store(_value_type(box), "values", box)]
-    total = box.inputs + box.size
-    text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=total, inputs=box.inputs)
+    stored = _stored(_value_type(box), "values", box.shape, str(box.inputs), box)
+    lines = [f"values = function({', '.join(_arguments(box))})", *stored]
+    text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=box.total, inputs=box.inputs)
 
     @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
     def report(numbers: Any) -> None:
@@ -148,14 +148,11 @@ def _value_type(box: BlackBox) -> Any:
     """Numba's type of the value."""
     from numba import types
 
-    kinds = [
-        (keyword, types.Array(types.float64, 1, "C") if length else types.float64) for keyword, length in box.arguments
-    ]
+    number, array = types.float64, types.Array(types.float64, 1, "C")
+    given = tuple(array if length else number for keyword, length in box.arguments if not keyword)
+    named = {keyword: array if length else number for keyword, length in box.arguments if keyword}
     try:
-        dispatcher = types.Dispatcher(box.function)
-        given = tuple(kind for keyword, kind in kinds if not keyword)
-        named = {keyword: kind for keyword, kind in kinds if keyword}
-        return dispatcher.get_call_type(box.function.typingctx, given, named).return_type
+        return types.Dispatcher(box.function).get_call_type(box.function.typingctx, given, named).return_type
     except Exception as error:  # numba passes on those of others
         raise IntegratorError(
             f"function must be one that numba can compile, but {box.name} was not: {numba_reason(error)}"
@@ -169,21 +166,14 @@ def numba_reason(error: Exception) -> str:
     return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
 
 
-def _store(kind: Any, text: str, box: BlackBox) -> list[str]:
-    """Statements that store a value of numba's type `kind`, whose shape is that of the black box."""
-    return _stored(kind, text, box.shape, str(box.inputs), box)
-
-
 def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
-    """Statements that store a part of a value from a place on."""
+    """Statements that store a value, or a part of it, of numba's type `kind` from a place on."""
     from numba import types
 
+    if isinstance(kind, types.Float | types.Integer | types.Boolean) and (not shape or box.shape == (1,)):
+        return [f"a[{place}] = {text}"]
     if not shape:
-        if not isinstance(kind, types.Float | types.Integer | types.Boolean):
-            _refuse_value(box, kind)
-        return [f"a[{place}] = {text}"]
-    if box.shape == (1,) and isinstance(kind, types.Float | types.Integer | types.Boolean):
-        return [f"a[{place}] = {text}"]
+        _refuse_value(box, kind)
     size, depth = shape[0], len(box.shape) - len(shape)
     inner = math.prod(shape[1:])
     if isinstance(kind, types.BaseTuple):
@@ -207,10 +197,12 @@ def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBo
 
 
 def _size_text(box: BlackBox) -> str:
+    """How many numbers a black box must return, in words."""
     return "one number" if box.size == 1 else " times ".join(map(str, box.shape)) + " numbers"
 
 
 def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
+    """Refuse a value of numba's type `kind`."""
     raise IntegratorError(f"function must return {_size_text(box)}, but {box.name} returned the type {shown(kind)}")
 
 
@@ -237,6 +229,7 @@ def failure() -> IntegratorError | None:
 
 
 def _failure_text(name: str, values: np.ndarray, error: Exception) -> str:
+    """The sentence on an error that a function raised at some arguments."""
     at = shorten(", ".join(f"{x:g}" for x in values))
     return f"{name} must have a value at ({at}), but raised {type(error).__name__}: {shorten(str(error), 200)}"
 

@@ -36,3 +36,14 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
     near = dict.fromkeys(get_close_matches(name, list(known), n=3, cutoff=0.6))
     return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def not_one_of(known: Iterable[str], argument: str, name: object) -> str:
+    """The message on a name that is not one of some, with those of a similar spelling.
+
+    Example:
+        >>> not_one_of(["html", "pdf"], "format", "hmtl")
+        "format must be one of html, pdf, but was 'hmtl'; did you mean html?"
+    """
+    names = list(known)
+    return f"{argument} must be one of {', '.join(names)}, but was {name!r:.60}{suggestion(str(name), names)}"

@@ -30,6 +30,7 @@ STRETCH, NUDGE, NUDGES = 2.0**-52, 2.0**-51, 32
 UNIT, SETTLED = 2.0**-53, 4.0
 """The unit roundoff, and the difference of solutions in such units that more steps would not reduce."""
 SAFETY = 4.0
+"""Factor of the bound: differences of two solutions are estimates of their errors."""
 
 
 def settled_solution(

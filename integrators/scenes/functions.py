@@ -174,6 +174,7 @@ def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
 
 
 def _hamiltonian_call(function: Any, blocks: Sequence[Block]) -> _Call:
+    """The call of a Hamiltonian, whose arguments are the momenta and the positions."""
     signature = _signature(function)
     if required(signature) != 2:
         raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
@@ -183,6 +184,7 @@ def _hamiltonian_call(function: Any, blocks: Sequence[Block]) -> _Call:
 
 
 def _signature(function: Callable[..., Any]) -> list[Parameter]:
+    """The arguments of a function, also of one that numba has compiled."""
     found = parameters_of(getattr(function, "py_func", function))
     if found is None:
         raise IntegratorError("function must be one of Python, with named arguments, but was not")
@@ -199,8 +201,7 @@ def _parameters(signature: Sequence[Parameter]) -> dict[str, Any]:
 
 def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: list[str]) -> dict[str, sympy.Expr]:
     """The formulas of a right-hand side; `reasons` tell why one is a compiled function."""
-    import numpy as np
-
+    refused = ""
     if compiled is not True:
         try:
             found = _called(call)
@@ -209,16 +210,7 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
                 raise
             refused = str(error)
         else:
-            values = np.ravel(np.array(found, dtype=object)) if found is not None else []
-            if len(values) != len(call.values):
-                raise IntegratorError(
-                    f"function must return {len(call.values)} derivatives, one for each variable, "
-                    f"but returned {shown(found)}"
-                )
-            pairs = zip(call.values, values, strict=True)
-            return {key: _formula(value, f"derivative of {key}") for key, value in pairs}
-    else:
-        refused = ""
+            return _formulas(found, call.values)
     try:
         entries = _compiled_entries(call, jacobian)
     except IntegratorError as error:
@@ -227,6 +219,18 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
         raise
     reasons.append(f"no formulas, since {refused}" if refused else "compiled on request")
     return dict(zip(call.values, entries, strict=True))
+
+
+def _formulas(found: Any, names: Sequence[str]) -> dict[str, sympy.Expr]:
+    """A right-hand side's result on symbols as formulas of the derivatives of variables."""
+    import numpy as np
+
+    values = np.ravel(np.array(found, dtype=object)) if found is not None else []
+    if len(values) != len(names):
+        raise IntegratorError(
+            f"function must return {len(names)} derivatives, one for each variable, but returned {shown(found)}"
+        )
+    return {key: _formula(value, f"derivative of {key}") for key, value in zip(names, values, strict=True)}
 
 
 def _called(call: _Call) -> Any:
@@ -264,11 +268,11 @@ def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
     box_arguments: list[BoxArgument] = []
     symbols: list[sympy.Expr] = []
     for name, names in call.arguments.items():
-        used: list[Any] = [sympy.Symbol(x) for x in names] if names is not None else []
-        if names is None:  # a time that is not read must not become a variable
-            used = [sympy.Symbol(TIME) if _reads(call.plain, name) else sympy.Integer(0)]
-        box_arguments.append(BoxArgument("", len(used) if names is not None else 0))
-        symbols += used
+        box_arguments.append(BoxArgument("", len(names or ())))
+        if names is not None:
+            symbols += map(sympy.Symbol, names)
+        else:  # a time that is not read must not become a variable
+            symbols.append(sympy.Symbol(TIME) if _reads(call.plain, name) else sympy.Integer(0))
     box_arguments += [BoxArgument(key, 0) for key in call.parameters]
     symbols += map(sympy.Symbol, call.parameters)
     name, n = getattr(call.plain, "__name__", "function"), len(call.values)

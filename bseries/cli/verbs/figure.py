@@ -12,7 +12,7 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import read_method
 from bseries.cli.options.scene_argument import is_path, load_file, read_assignments
-from bseries.cli.output import Output
+from bseries.cli.output import Output, make_folder
 from bseries.cli.progress import Progress
 from foundation.table import Column, Table, csv_lines, paragraphs
 from integrators.core.arguments import split_row
@@ -101,6 +101,7 @@ def _rows() -> list[tuple[str, str, str, str]]:
 
 
 def _shown(options: Mapping[str, Any]) -> str:
+    """Options with their defaults, as --list and messages show them."""
     return ", ".join(key if value is None else f"{key}={_written(value)}" for key, value in options.items())
 
 
@@ -150,7 +151,7 @@ def _draw_all(path: str | None, data: str | None, settings: Sequence[str], forma
     ending, names = check_format(format_, "format"), figure_names()
     for argument, folder in (("output", path), ("data", data)):
         if folder is not None:
-            _make_folder(folder, argument)
+            make_folder(folder, argument)
     for k, name in enumerate(names):
 
         def advance(done: int, total: int, k: int = k) -> None:
@@ -159,14 +160,6 @@ def _draw_all(path: str | None, data: str | None, settings: Sequence[str], forma
         advance(0, 1)
         target = os.path.join(path, f"{name}.{ending}")
         _make(figure_file(name), {}, target, ending, data and os.path.join(data, f"{name}.csv"), advance)
-
-
-def _make_folder(path: str, argument: str) -> None:
-    try:
-        os.makedirs(path, exist_ok=True)
-    except OSError as error:
-        what = f"{path!r:.60} was not: {error.strerror}"
-        raise Refusal(f"{argument} must be a folder that can be made, but {what}") from None
 
 
 def _make(
@@ -197,6 +190,7 @@ def _make(
 
 
 def _write_text(pieces: Iterable[str], path: str) -> None:
+    """Write text to a file, or to standard output for -."""
     from integrators.core.text_files import atomic_write
 
     if path == "-":
@@ -218,6 +212,7 @@ def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, 
 
 
 def _read_methods(text: str) -> list[Any]:
+    """Methods by name or file, with commas between."""
     return [read_method(entry.strip(), {}, ()) for entry in split_row(text)]
 
 

@@ -116,6 +116,7 @@ class Entry(sympy.Function):
         def __new__(cls, *args: Any) -> Any: ...  # noqa: D102
 
     def _eval_derivative(self, s: Any) -> Any:
+        """The derivative by the chain rule, from entries of the Jacobian."""
         box, k, *values = self.args
         total: Any = sympy.Integer(0)
         inner = [value.diff(s) for value in values]

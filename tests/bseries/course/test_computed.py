@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bseries.course import computed as module
-from bseries.course.computed import COMPUTED, LECTURE_DEVIATION, computed, filled, places
+from bseries.course.computed import COMPUTED, computed, filled, places
 from bseries.course.documents import DOCUMENTS
 from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
@@ -91,7 +91,7 @@ def test_figure_8_and_the_means_of_19_for_atoms():
     rates = float(computed("figure-8-predicted").replace(r"\cdot10^{", "e").rstrip("}"))
     assert abs(rates / data.deviation[-1] - 1) < 0.25
     step = float(computed("figure-8-step"))
-    assert abs(data.deviation[-1] * (step / data.h) ** 4 / LECTURE_DEVIATION - 1) < 0.05
+    assert abs(data.deviation[-1] * (step / data.h) ** 4 / 3.08e-6 - 1) < 0.05  # σ in the lecture
     assert computed("figure-8-members") == str(data.members)
 
 

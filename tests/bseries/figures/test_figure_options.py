@@ -65,6 +65,27 @@ def test_objects_and_text_are_the_same():
     assert riccati.caption(first) == riccati.caption(second)
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("area-patch", {"methods": "{},{}", "steps": 4}),
+        ("energy-error", {"methods": "{},{}", "span": 10}),
+        ("lotka-volterra", {"methods": "{},{}"}),
+        ("pendulum-portraits", {"methods": "{},{},{}"}),
+        ("toda", {"methods": "{},{}"}),
+        ("truncation", {"methods": "{},{}", "terms": 1}),
+    ],
+)
+def test_a_method_twice_has_all_its_columns(name, options):
+    """With two step sizes, for instance; its columns replaced each other."""
+    file = figure_file(name)
+    counts = []
+    for names in (("rk4", "rk4", "rk4"), ("rk4", "rk38", "kutta3")):
+        given = {**options, "methods": options["methods"].format(*names)}
+        counts.append(len(file.columns(compute(file, given))))
+    assert counts[0] == counts[1]
+
+
 class TestCaptions:
     """They state no law that does not hold for what was drawn."""
 

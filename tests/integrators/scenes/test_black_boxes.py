@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import pickle
 import subprocess
@@ -14,6 +15,7 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 import bseries as bs
+from integrators.compile.black_boxes import dispatcher_of
 from integrators.reference.halved_steps import settled_solution
 from integrators.scenes.functions import scene_from_function
 
@@ -119,8 +121,11 @@ def stiff_jacobian(t, y, mu=1000.0):
     return [[0.0, 1.0], [-2 * mu * y[0] * y[1] - 1, mu * (1 - y[0] ** 2)]]
 
 
-@pytest.mark.parametrize("method", ["radau-iia3", "ros34pw2"])
-def test_a_jacobian_serves_methods_that_need_derivatives(method):
+@pytest.mark.parametrize(
+    ("method", "need"),
+    [("radau-iia3", "h must be small enough"), ("ros34pw2", "given by formulas for derivatives of its field")],
+)
+def test_a_jacobian_serves_methods_that_need_derivatives(method, need):
     scene = scene_from_function(stiff, [2, 0], jacobian=stiff_jacobian)
     field = {"y1": "y2", "y2": "mu*(1 - y1^2)*y2 - y1"}
     same = bs.Scene({"y": 2}, field=field, parameters={"mu": 1000}, start={"y": [2, 0]})
@@ -128,7 +133,7 @@ def test_a_jacobian_serves_methods_that_need_derivatives(method):
     np.testing.assert_allclose(*runs, rtol=1e-12, atol=1e-15)
     with pytest.raises(bs.IntegratorError, match="must return 2 times 2 numbers, but"):
         scene_from_function(stiff, [2, 0], jacobian=stiff)
-    with pytest.raises(bs.IntegratorError, match=r"h must be small enough|given by formulas for derivatives"):
+    with pytest.raises(bs.IntegratorError, match=need):
         bs.integrate(method, scene_from_function(stiff, [2, 0]), h=0.5, steps=50)
 
 
@@ -171,6 +176,23 @@ def test_equal_is_the_same_function():
     ]
     np.testing.assert_array_equal(ends[0], ends[1])
     assert ends[2][0, -1] > 2 * ends[0][0, -1]
+
+
+def test_functions_that_are_gone_are_not_taken_for_new_ones():
+    """A new function may have the address of one that is gone while its scene is used."""
+
+    def made(a):
+        return lambda y: [a * y[0] if y[0] > 0 else 0.0]
+
+    scenes = [scene_from_function(made(float(a)), [1]) for a in range(4)]
+    assert [bs.integrators.right_hand_side(scene)(0.0, [1.0])[0] for scene in scenes] == [0, 1, 2, 3]
+    assert len(set(scenes)) == 4
+
+
+@pytest.mark.parametrize("function", [functools.partial(max, 1), type("Rate", (), {"__call__": lambda self, y: y})()])
+def test_other_callables_are_not_compiled(function):
+    with pytest.raises(bs.IntegratorError, match="function must be made by def or lambda to be compiled, but"):
+        dispatcher_of(function)
 
 
 def test_functions_of_numba_are_taken_as_they_are():
