@@ -12,10 +12,10 @@ from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import bseries as bs
-from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
 from bseries.figures.lennard_jones_drift import LECTURE, SIMPLIFIED
 from bseries.figures.lennard_jones_drift import start as equilibrated
+from bseries.figures.registry import compute, figure_file
 from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
@@ -35,6 +35,25 @@ FINE, TURNS = 200, 500
 """Points per turn and turns of the exact pendulum for a mean over time."""
 H_ATOMS, STEPS_ATOMS, SEEDS_ATOMS = 0.01, 200_000, 4
 """Step size, length and number of the trajectories of atoms for means over time."""
+FEWER: dict[str, dict[str, Any]] = {"lennard-jones-drift": {"members": 128}}
+"""Options of figures that would take minutes."""
+
+
+@cache
+def figure_data(name: str) -> Any:
+    """The data of a figure, computed once: the text quotes some of its numbers.
+
+    Args:
+        name: One of `bs.figure_names()`.
+
+    Raises:
+        SeriesError: There is no figure of this name.
+
+    Example:
+        >>> figure_data("theorem-3").exponents.round()[:3]
+        array([1., 2., 3.])
+    """
+    return compute(figure_file(name), FEWER.get(name, {}))
 
 
 def places(text: str) -> list[str]:

@@ -9,11 +9,12 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from bseries.course.computed import computed, filled, places
-from bseries.course.pages import html_page, parsed, pdf_pages, without
-from bseries.course.pictures import drawn_picture
+from bseries.course.computed import computed, figure_data, filled, places
+from bseries.course.pages import Picture, html_page, parsed, pdf_pages, without
 from bseries.exceptions import SeriesError
+from bseries.figures.registry import drawn, figure_file
 from foundation.extras import optional_module
+from foundation.plotting import picture
 from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write
 
@@ -34,6 +35,8 @@ class Document(NamedTuple):
     left_out: str = ""
 
 
+LARGEST = 1_000_000
+"""Bytes of a drawing with lines; larger ones are shown as pixels."""
 DOCUMENTS = {
     "slides": Document("slides.md", "Backward error analysis", "slides"),
     "handout": Document("proofs.md", "Backward error analysis: the theorems with their proofs", "sheets"),
@@ -109,3 +112,22 @@ def _known(name: str, known: dict[str, Item], argument: str) -> Item:
     if name not in known:
         raise SeriesError(not_one_of(known, argument, name))
     return known[name]
+
+
+def drawn_picture(name: str) -> Picture:
+    """A figure, drawn with lines unless that were too large.
+
+    Args:
+        name: One of `bs.figure_names()`.
+
+    Raises:
+        SeriesError: There is no figure of this name.
+        MissingPackage: matplotlib is not installed.
+
+    Example:
+        >>> drawn_picture("theorem-3").suffix
+        'svg'
+    """
+    figure = drawn(figure_file(name), figure_data(name))
+    lines = picture(figure, "svg")
+    return Picture(lines, "svg") if len(lines) <= LARGEST else Picture(picture(figure, "png"), "png")

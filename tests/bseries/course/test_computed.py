@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from bseries.course import computed as module
-from bseries.course.computed import COMPUTED, computed, filled, places
+from bseries.course.computed import COMPUTED, computed, figure_data, filled, places
 from bseries.course.documents import DOCUMENTS
-from bseries.course.pictures import figure_data
 from bseries.exceptions import SeriesError
 
 HERE = Path(module.__file__).parent
