@@ -16,7 +16,7 @@ from functools import lru_cache
 from itertools import pairwise
 from types import FunctionType
 from typing import Any, NoReturn, cast
-from weakref import WeakValueDictionary
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
-_DISPATCHERS: WeakValueDictionary[int, Any] = WeakValueDictionary()
+_DISPATCHERS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 _FAILURE = threading.local()
 
 SOURCE = '''\
@@ -80,23 +80,29 @@ def black_box(
 
 
 def dispatcher_of(function: Any) -> Any:
-    """The function as one of numba; the same one for the same function."""
+    """The function as one of numba; the same one for the same function.
+
+    Raises:
+        IntegratorError: It is no function written in Python.
+    """
     numba = optional_module("numba", "a function without formulas")
     if is_compiled(function):
         return function
-    found = _DISPATCHERS.get(id(function))  # alive as long as its dispatcher
+    if not isinstance(function, FunctionType):
+        raise IntegratorError(
+            f"function must be made by def or lambda, for numba to compile, but was {shown(function)}"
+        )
+    found = _DISPATCHERS.get(function)
     if found is None:
         from integrators.compile.machine import OPTIONS
 
-        found = _DISPATCHERS[id(function)] = numba.njit(**OPTIONS)(_with_tuples(function))
+        found = _DISPATCHERS[function] = numba.njit(**OPTIONS)(_with_tuples(function))
     return found
 
 
-def _with_tuples(function: Any) -> Any:
+def _with_tuples(function: FunctionType) -> FunctionType:
     """The function with ``return (a, b)`` for ``return [a, b]``: lists take four times as long as the pendulum."""
-    code = getattr(function, "__code__", None)
-    if code is None:
-        return function
+    code = function.__code__
     text, instructions = bytearray(code.co_code), list(dis.get_instructions(code))
     for one, following in pairwise(instructions):
         if (one.opname, following.opname) == ("BUILD_LIST", "RETURN_VALUE"):

@@ -309,3 +309,25 @@ if __name__ == "__main__":
     )
     found = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300, check=False)
     assert found.stdout.strip() == "equal", found.stderr
+
+
+def test_a_function_in_the_place_of_a_deleted_one_is_compiled_anew():
+    """Python gives the identity of a deleted function to a later one, here while the older scene still lives."""
+
+    def constant(value):
+        return lambda y: (value if y[0] > -1 else 0.0,)
+
+    scenes = [scene_from_function(constant(float(value)), [0], compiled=True) for value in range(1, 9)]
+    ends = [bs.integrate("explicit-euler", scene, h=1, steps=1).y[0, -1] for scene in scenes]
+    assert ends == list(range(1, 9))
+
+
+class Slope:
+    def __call__(self, y):
+        return (-y[0] if y[0] > 0 else 0.0,)
+
+
+@pytest.mark.parametrize("function", [Slope(), Slope().__call__, math.sin])
+def test_what_numba_cannot_take_is_refused_in_a_sentence(function):
+    with pytest.raises(bs.integrators.IntegratorError, match="function must be made by def or lambda"):
+        scene_from_function(function, [1], compiled=True)
