@@ -35,7 +35,7 @@ def course(path: str | None, documents: Sequence[str], format_: str | None, answ
 
     Slides, a handout with all proofs, and exercises without and with solutions, each as one HTML file that needs no
     network and as PDF. Formulas are computed and figures drawn when the course is made, in one to three minutes. Files
-    of the same names are replaced. With the exercises comes answers.txt, a file to fill in.
+    of the same names are replaced. With the exercises comes answers.txt, a file to fill in; one that is there stays.
 
     --check compares answers with what the engine computes, and makes no course. The exit code is 1 if one is wrong.
 
@@ -61,11 +61,13 @@ def course(path: str | None, documents: Sequence[str], format_: str | None, answ
 
 
 def write_template(folder: str) -> None:
-    """Write a file of answers to fill in."""
+    """Write a file of answers to fill in, unless there is one, which may hold answers."""
     from bseries.course.answers import answer_template
     from integrators.core.text_files import atomic_write
 
-    atomic_write(os.path.join(folder, "answers.txt"), answer_template())
+    path = os.path.join(folder, "answers.txt")
+    if not os.path.lexists(path):
+        atomic_write(path, answer_template())
 
 
 def check(answers: str, path: str | None, documents: Sequence[str], format_: str | None) -> None:

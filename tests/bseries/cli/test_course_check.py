@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from bseries.cli.verbs.course import write_template
+from bseries.course.answers import answer_template
+
 ANSWERS = Path(__file__).parents[1] / "course"
 KEYS = ("1a", "1d", "2b", "4a", "7b", "9c", "12c", "13b", "14c", "16b")
 TEN = {
@@ -81,3 +84,12 @@ def test_the_course_comes_with_a_file_to_fill_in(run, tmp_path):
     empty = (tmp_path / "answers.txt").read_text(encoding="utf-8")
     assert run("course", "--check", "-", stdin=empty).exit_code == 2
     assert run("course", "--check", "-", stdin=empty.replace("\n1d =", "\n1d = no")).exit_code == 0
+
+
+def test_answers_survive_when_the_course_is_made_again(tmp_path):
+    write_template(str(tmp_path))
+    path = tmp_path / "answers.txt"
+    assert path.read_text(encoding="utf-8") == answer_template()
+    path.write_text("1d = no\n", encoding="utf-8")
+    write_template(str(tmp_path))
+    assert path.read_text(encoding="utf-8") == "1d = no\n"
