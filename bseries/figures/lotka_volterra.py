@@ -168,7 +168,7 @@ def caption(numbers: LotkaVolterra) -> str:
     names, rows = [name_of(method) for method in numbers.methods], zip(numbers.orders, numbers.modified, strict=True)
     truncated = [f"the term with {power_of_h(order)}" for order in numbers.orders]
     what = truncated[0] if truncated[0] == truncated[1] else " and ".join(truncated)
-    shapes = ["closed" if curves[0].is_closed else "spirals" for _, curves in rows]
+    shapes = ["closed to six digits" if curves[0].is_closed else "spirals" for _, curves in rows]
     verdict = f"The modified curves of {names[0]} are {shapes[0]}"
     verdict = (
         f"The modified curves of both methods are {shapes[0]}"

@@ -152,8 +152,10 @@ def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[in
 def check_moving(file: FigureFile) -> None:
     """Refuse a figure that has no frames."""
     if not hasattr(file, "frames"):
-        names = ", ".join(name for name in figure_names() if hasattr(figure_file(name), "frames"))
-        raise SeriesError(f"name must be a figure that moves, one of {names}, but was {file.TITLE!r:.60}")
+        files = {name: figure_file(name) for name in figure_names()}
+        moving = ", ".join(name for name, other in files.items() if hasattr(other, "frames"))
+        given = next(name for name, other in files.items() if other is file)
+        raise SeriesError(f"name must be a figure that moves, one of {moving}, but was {given!r}")
 
 
 def figure(name: str, **options: Any) -> LectureFigure:
