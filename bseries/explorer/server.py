@@ -221,9 +221,12 @@ class LivePage:
                 frame = Frame(flow, *values)
                 columns = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
             except SeriesError as error:
-                sentence = f"{error}."
-                break
+                columns, sentence = {}, f"{error}."
+            if self._document.session_context is None:  # the page was closed meanwhile
+                return
             self._document.add_next_tick_callback(partial(self._show, columns))
+            if sentence:
+                break
         self._document.add_next_tick_callback(partial(self._say, sentence))
 
     def _show(self, columns: dict[str, dict[str, Any]]) -> None:
