@@ -76,8 +76,6 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
     """
     import mpmath
 
-    if not constant and (first - second).is_zero is False:  # however small a number their difference is
-        return ""
     samples = _at_points(first, second, symbols)
     if any(sample.first is None for sample in samples):
         return ""
@@ -89,9 +87,12 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
         ring = DifferentialRing((first, second), symbols, limit=MOST_MONOMIALS)
         difference = ring.elements[0] - ring.elements[1]
         zeros = [ring.derivative(difference, i) for i in range(len(symbols))] if constant else [difference]
-        return EXACTLY if all(map(ring.is_zero, zeros)) else AT_POINTS
+        if all(map(ring.is_zero, zeros)):
+            return EXACTLY
     except (TooLarge, SeriesError):
-        return AT_POINTS
+        pass
+    is_small_number = not constant and (first - second).is_zero is False  # which no digits tell
+    return "" if is_small_number else AT_POINTS
 
 
 def factor_between(
