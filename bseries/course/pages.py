@@ -107,17 +107,12 @@ def html_page(document: Element, title: str, layout: str, pictures: Pictures) ->
     body = _pandoc(json.dumps(blocks), "html5", "json", "--mathml", "--wrap=preserve")
     body = ACCENT.sub(lambda found: f"{found[1]}{SPACING[found[2]]}{found[3]}", body)
     template = Template((HERE / f"{layout}.html").read_text(encoding="utf-8"))
-    return template.substitute(title=escape(title), body=body).encode()
+    style = (HERE / "common.css").read_text(encoding="utf-8")
+    return template.substitute(title=escape(title), style=style, body=body).encode()
 
 
 def pdf_pages(document: Element, title: str, layout: str, pictures: Pictures) -> bytes:
-    """A PDF, set by typst with the template of a layout.
-
-    Args:
-        document: From `parsed`.
-        title: The title.
-        layout: slides or sheets: the name of a template.
-        pictures: The figures that the document shows.
+    """A PDF, set by typst with the template of a layout; arguments are those of `html_page`.
 
     Raises:
         MissingPackage: pandoc or typst is not installed.
@@ -155,7 +150,7 @@ def typst_source(document: Element, title: str, layout: str, pictures: Pictures)
         return None
 
     body = _pandoc(json.dumps(_rewritten(document, changed)), "typst", "json", "--wrap=preserve")
-    template = (HERE / f"{layout}.typ").read_text(encoding="utf-8")
+    template = "\n".join((HERE / f"{name}.typ").read_text(encoding="utf-8") for name in ("common", layout))
     return f"{template}\n#show: course.with(title: {json.dumps(title, ensure_ascii=False)})\n\n{body}"
 
 
