@@ -124,32 +124,25 @@ def test_output_is_utf8_whatever_the_locale():
     assert err == b""
 
 
-def test_the_common_path_imports_nothing_heavy():
+def loaded(modules: set[str], command: str) -> list[str]:
+    """Which of these modules a command loads."""
     code = (
         "import sys; from bseries.cli.application import application\n"
-        "application(['modified', 'rk4', '--order', '6'], standalone_mode=False)\n"
-        "heavy = {'numpy', 'sympy', 'numba', 'networkx', 'matplotlib', 'rich', 'scipy'} & set(sys.modules)\n"
-        "print(sorted(heavy), file=sys.stderr)"
+        f"application({command.split()!r}, standalone_mode=False)\n"
+        f"print(*sorted({modules!r} & set(sys.modules)), file=sys.stderr)"
     )
-    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert job.stderr == b"[]\n"
+    job = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return job.stderr.split()
+
+
+def test_the_common_path_imports_nothing_heavy():
+    heavy = {"numpy", "sympy", "numba", "networkx", "matplotlib", "rich", "scipy"}
+    assert loaded(heavy, "modified rk4 --order 6") == []
 
 
 def test_formulas_on_a_scene_load_no_numpy():
-    code = (
-        "import sys; from bseries.cli.application import application\n"
-        "application('equation rk4 --scene pendulum --order 5'.split(), standalone_mode=False)\n"
-        "print(sorted({'numpy', 'sympy', 'numba'} & set(sys.modules)), file=sys.stderr)"
-    )
-    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert job.stderr == b"['sympy']\n"
+    assert loaded({"numpy", "sympy", "numba"}, "equation rk4 --scene pendulum --order 5") == ["sympy"]
 
 
 def test_help_imports_no_library():
-    code = (
-        "import sys; from bseries.cli.application import application\n"
-        "application(['--help'], standalone_mode=False)\n"
-        "print(sorted({'numpy', 'fractions', 'bseries.algebra.modified'} & set(sys.modules)), file=sys.stderr)"
-    )
-    job = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert job.stderr == b"[]\n"
+    assert loaded({"numpy", "fractions", "bseries.algebra.modified"}, "--help") == []
