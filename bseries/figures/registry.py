@@ -184,4 +184,5 @@ def figure(name: str, **options: Any) -> LectureFigure:
         'Lecture, figure 1 (HLW, figu'
     """
     file = figure_file(name)
+    optional_module("matplotlib", "a figure")  # before the work, not after it
     return drawn(file, compute(file, options))

@@ -54,6 +54,9 @@ def test_without_matplotlib_nothing_is_computed(run, tmp_path, monkeypatch):
     result = run("figure", "riccati", "-o", str(tmp_path / "picture.png"))
     assert (result.exit_code, result.stderr.count("\n"), computed) == (2, 1, [])
     assert "a figure needs matplotlib: pip install '.[plot]'" in result.stderr
+    with pytest.raises(ImportError, match="a figure needs matplotlib"):
+        bs.figure("riccati")
+    assert computed == []
     assert run("figure", "riccati", "--data", str(tmp_path / "data.csv")).exit_code == 0
     assert len(computed) == 1
 
