@@ -184,7 +184,10 @@ class WorkPrecision:
         Args:
             choices: For error tolerances, the result of `best` or the reason for its refusal, printed below the table.
         """
-        choices, measure, decades = choices or {}, self.measures[0], _decades(self.errors)
+        choices, measure = choices or {}, self.measures[0]
+        first, last = (round(math.log10(error), 9) for error in self.errors)  # 1e-3 is no power of ten in doubles
+        powers = range(math.floor(first), math.ceil(last) - 1, -1)
+        decades = [float(f"1e{k}") for k in powers] or list(self.errors)
         times = [times_of(self, error, measure, choices.get(error)) for error in decades]
         rows = []
         for name in (curve.candidate.name for curve in self.curves):
@@ -318,12 +321,6 @@ def _rounded(value: float) -> float:
     power = 10.0 ** math.floor(math.log10(value))
     nearest = min((1, 2, 5, 10), key=lambda digit: abs(math.log(value / (digit * power))))
     return float(f"{nearest * power:.0e}")
-
-
-def _decades(errors: tuple[float, float]) -> list[float]:
-    """The powers of ten among the errors of interest; the errors themselves if there are none."""
-    first, last = (round(math.log10(error), 9) for error in errors)  # 1e-3 is no power of ten in doubles
-    return [float(f"1e{k}") for k in range(math.floor(first), math.ceil(last) - 1, -1)] or list(errors)
 
 
 def times_of(
