@@ -104,8 +104,10 @@ def simulate_ensemble(
 
         return time_only(options["h"], options["steps"], "each run has a start of its own")
 
-    warm = many.temperature is not None
-    sample = thermal_momenta(scene, many.temperature) if warm else perturbed_start(scene, many.spread)
+    if many.temperature is None:
+        sample = perturbed_start(scene, many.spread or 0.0)
+    else:
+        sample = thermal_momenta(scene, many.temperature)
     watch = Expectation(output.progress, expect, predict, beforehand=False)
     pool: Any = nullcontext("processes" if many.processes else "threads")
     if many.scheduler is not None:

@@ -81,8 +81,9 @@ def cost(
     loosest, finest = check_errors(sorted((REAL.read(piece, "errors") for piece in pieces), reverse=True))
     options |= {"errors": (loosest, finest), "budget": budget or BUDGET, "progress": output.progress.update}
     names = [name.strip() for name in (methods or "").split(",") if name.strip()]
-    chosen = "auto" if methods is None else [read_method(name) if is_file(name, SUFFIXES) else name for name in names]
-    found = work_precision("all" if names == ["all"] else chosen, scene, **options)
+    given: Any = [read_method(name) if is_file(name, SUFFIXES) else name for name in names]
+    chosen = "auto" if methods is None else "all" if names == ["all"] else given
+    found = work_precision(chosen, scene, **options)
     plot.save(lambda: draw(found.curves, found.errors, found.measures, found.title))
     if output.has_records:
         return found.to_table()
