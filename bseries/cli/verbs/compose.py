@@ -47,7 +47,7 @@ def compose(
     from bseries.algebra.modified import series
     from integrators.exact.entries import read_entry
 
-    methods: Any = [read_method(source, {}, ()) for source in sources]
+    methods: Any = [read_method(source) for source in sources]
     texts = split_row(steps) if steps is not None else ["1"] * len(methods)
     if len(texts) != len(methods):
         raise Refusal(f"steps must be as many as methods, {len(methods)}, but were {len(texts)}")

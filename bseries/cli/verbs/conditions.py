@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import Output, WholeNumber, takes_output, takes_text
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, takes_output, takes_text
 from foundation.table import Table
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, takes_output
 from foundation.table import Table
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
 
