@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from itertools import accumulate
 from numbers import Real
+from typing import Any
 
 from foundation.memory import refuse_beyond_memory
+from foundation.table import Column, Table
 from trees.errors import TreeError
 
 MOST_NODES = 60
@@ -140,6 +143,26 @@ def count_trees(
     order, colors = check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return tuple(sum(row) for row in count_by_color(order, limits)[1:])
+
+
+def count_table(counts: Sequence[int], colors: int) -> Table:
+    """Numbers of trees by their number of nodes."""
+    names = ("order", "trees", "total")
+    rows = list(zip(range(1, len(counts) + 1), counts, accumulate(counts), strict=True))
+
+    def data() -> dict[str, Any]:
+        records = [dict(zip(names, row, strict=True)) for row in rows]
+        return {"schema": 1, "kind": "tree-counts", "colors": colors, "counts": records}
+
+    return Table(
+        "Numbers of rooted trees",
+        (Column("nodes", True), Column("trees", True), Column("so far", True)),
+        rows,
+        data=data,
+        items="counts",
+        records=Table("", list(map(Column, names)), rows),
+        titled=False,
+    )
 
 
 def memory_estimate(counts: Sequence[int], colors: int) -> int:

@@ -58,7 +58,9 @@ def arrange(
     names = check_names(names)
     titles = [tree_text(*tree, names) for tree in zip(levels, colors, strict=True)]
     captions = _captions(labels, titles)
-    columns = _columns(columns, len(members))
+    if columns is not None and (isinstance(columns, bool) or not isinstance(columns, int) or columns < 1):
+        raise TreeError(f"columns must be a whole number, 1 or more, but was {columns!r:.60}")
+    columns = min(10 if columns is None else columns, len(members))
     shapes = [*map(_tidy, levels)]
     widths, heights = [], []
     for (xs, ys), caption in zip(shapes, captions, strict=True):
@@ -108,14 +110,6 @@ def _captions(labels: bool | Iterable[str], titles: list[str]) -> list[str]:
     if len(captions) != len(titles):
         raise TreeError(f"labels must be one per tree, {len(titles)}, but were {len(captions)}")
     return captions
-
-
-def _columns(columns: int | None, count: int) -> int:
-    if columns is None:
-        return min(count, 10)
-    if isinstance(columns, bool) or not isinstance(columns, int) or columns < 1:
-        raise TreeError(f"columns must be a whole number, 1 or more, but was {columns!r:.60}")
-    return min(columns, count)
 
 
 def _edges(levels: Sequence[int]) -> list[tuple[int, int]]:
@@ -168,9 +162,6 @@ def svg(
         labels: Captions below the trees: True for their texts, or one string per tree.
         names: The names of the colours in texts; None for the default names.
 
-    Returns:
-        The SVG document.
-
     Raises:
         TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
 
@@ -211,9 +202,6 @@ def draw(
     Args:
         trees: As for `svg`, like `columns`, `labels` and `names`.
         ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-
-    Returns:
-        The axes.
 
     Raises:
         TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree, or

@@ -5,7 +5,9 @@ All notations are converted from and to levels and colours, without recursion, s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from trees.errors import TreeError
@@ -17,6 +19,8 @@ _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are th
 
 MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
+TOKEN = re.compile(r"[^\W_τ][^\Wτ]*|\S")
+"""A word, or a symbol."""
 
 
 @runtime_checkable
@@ -44,6 +48,7 @@ class TreeLike(Protocol):
         ...
 
 
+@lru_cache(maxsize=64)
 def default_names(colors: int) -> tuple[str, ...]:
     """The default names of colours: "" for one colour, p and q for two, for more the other letters except t.
 
@@ -51,14 +56,10 @@ def default_names(colors: int) -> tuple[str, ...]:
         >>> default_names(1), default_names(2), default_names(3)
         (('',), ('p', 'q'), ('a', 'b', 'c'))
     """
-    return tuple(_default_name(color, colors - 1) for color in range(colors))
-
-
-def _default_name(color: int, largest: int) -> str:
-    if largest <= 1:
-        return "pq"[color] if largest else ""
-    cycle, letter = divmod(color, len(_LETTERS))
-    return _LETTERS[letter] + (str(cycle) if cycle else "")
+    if colors < 3:
+        return ("p", "q") if colors == 2 else ("",)
+    cycles = (divmod(color, len(_LETTERS)) for color in range(colors))
+    return tuple(_LETTERS[letter] + (str(cycle) if cycle else "") for cycle, letter in cycles)
 
 
 def default_color(name: str) -> int | None:
@@ -105,9 +106,7 @@ def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> lis
         (['p', 'q', 'p'], ['', ''])
     """
     largest = max(colors)
-    if names is None:
-        return [_default_name(color, largest) for color in colors]
-    checked = check_names(names)
+    checked = default_names(largest + 1) if names is None else check_names(names)
     if largest >= len(checked):
         raise TreeError(f"names must name the colours 0 to {largest}, but were {checked!r:.60}")
     return [checked[color] for color in colors]
@@ -195,19 +194,6 @@ def _read_numbers(text: str) -> tuple[list[int], list[int]]:
     return sequences[0], sequences[1] if len(sequences) > 1 else [0] * len(sequences[0])
 
 
-def _tokens(text: str) -> Iterator[tuple[int, str]]:
-    """The words and symbols of a text, with positions from 1."""
-    start = 0
-    while start < len(text):
-        stop = start + 1
-        if text[start].isalnum() and text[start] != "τ":
-            while stop < len(text) and (text[stop].isalnum() or text[stop] == "_") and text[stop] != "τ":
-                stop += 1
-        if not text[start].isspace():
-            yield start + 1, text[start:stop]
-        start = stop
-
-
 class _BracketReader:
     """Parser of a tree in brackets."""
 
@@ -220,7 +206,7 @@ class _BracketReader:
 
     def read(self) -> tuple[list[int], list[tuple[int, str]]]:
         previous = ""
-        tokens = _tokens(self.text)
+        tokens = ((found.start() + 1, found[0]) for found in TOKEN.finditer(self.text))
         for position, token in tokens:
             if token in ("]", ",", "^") and (not self.open or previous in ("[", ",")):
                 raise self.error("empty brackets" if previous + token == "[]" else f"a stray '{token}'", position)

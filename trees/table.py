@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-from foundation.table import Table, as_frame, as_html, as_text
+from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
 from trees import kernels
 from trees.compiled import compiling_pays
 from trees.counting import (
@@ -21,7 +22,7 @@ from trees.counting import (
 )
 from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
-from trees.listing import listing
+from trees.notation import default_names
 from trees.tree import Tree
 
 if TYPE_CHECKING:
@@ -265,7 +266,50 @@ class TreeTable(Sequence[Tree]):
             <BLANKLINE>
             σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings.
         """
-        return listing(self, self.max_order, self.colors)
+        colors = default_names(self.colors)
+        names = colors if len(colors) > 1 else None
+
+        def latex(formula: str) -> Any:
+            return lambda row: f"${getattr(row[1], formula)('latex', names)}$"
+
+        fields = {
+            "id": itemgetter(0),
+            "tree": lambda row: row[1].text(names),
+            "levels": lambda row: list(row[1].levels),
+            "colors": lambda row: list(row[1].colors),
+            "order": lambda row: row[1].order,
+            "symmetry": lambda row: row[1].symmetry,
+            "density": lambda row: row[1].density,
+            "alpha": lambda row: row[1].alpha,
+            "differential": lambda row: row[1].differential(names=names),
+            "weight": lambda row: row[1].weight(names=names),
+        }
+        columns = (
+            Column("id", True, fields["id"]),
+            Column("|τ|", True, fields["order"]),
+            Column("tree τ", get=fields["tree"], latex=lambda row: f"${fields['tree'](row)}$".replace("τ", r"\tau ")),
+            Column("σ", True, fields["symmetry"]),
+            Column("γ", True, fields["density"]),
+            Column("α", True, fields["alpha"]),
+            Column("differential", get=fields["differential"], latex=latex("differential")),
+            Column("elementary weight", get=fields["weight"], latex=latex("weight")),
+        )
+        rows: LazyRows = LazyRows(lambda: enumerate(self), len(self))
+
+        def data() -> dict[str, Any]:
+            records = [{name: get(row) for name, get in fields.items()} for row in rows]
+            return {"schema": 1, "kind": "trees", "order": self.max_order, "colors": list(colors), "trees": records}
+
+        return Table(
+            f"{len(self)} rooted trees with at most {self.max_order} nodes",
+            columns,
+            rows,
+            ["σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings."],
+            data=data,
+            items="trees",
+            section=fields["order"],
+            records=listed(fields.items(), rows),
+        )
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
@@ -279,9 +323,6 @@ class TreeTable(Sequence[Tree]):
             ax: The axes, whose frame is hidden; None for a new figure of suitable size.
             columns: The number of trees in a row; None for at most 10.
             labels: Whether the texts of the trees stand below them.
-
-        Returns:
-            The axes.
 
         Raises:
             TreeError: There are more than 2,000 trees, or `ax` is no axes.
@@ -358,16 +399,13 @@ class TreeTable(Sequence[Tree]):
     @cached_property
     def symmetry_and_density(self) -> tuple[Any, Any]:
         """The columns σ and γ: arrays if the table is compiled and they fit in int64, else lists."""
-        compiled = self.compiled and self.max_order <= 20
-        if not compiled:
+        if self.compiled and self.max_order <= 20:
+            run, (order, _, left, right) = kernels.symmetry_and_density.compiled, self.columns[1:5]
+            symmetry, density, multiplicity = (self.column(len(self), dtype) for dtype in ("int64", "int64", "int8"))
+        else:
+            run, (order, _, left, right) = kernels.symmetry_and_density.py_func, self.lists
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
-            order, _, left, right = self.lists
-            kernels.symmetry_and_density.py_func(order, left, right, symmetry, density, multiplicity)
-            return symmetry, density
-        symmetry, density = self.column(len(self), "int64"), self.column(len(self), "int64")
-        kernels.symmetry_and_density.compiled(
-            self.columns.order, self.columns.left, self.columns.right, symmetry, density, self.column(len(self))
-        )
+        run(order, left, right, symmetry, density, multiplicity)
         return symmetry, density
 
     @cached_property
@@ -403,13 +441,6 @@ class TreeTable(Sequence[Tree]):
         self.run(kernels.split_trees)(
             first, last, self.max_order, self.colors, *self.columns, known.start, known.trunk, known.branch,
             into.start, into.trunk, into.branch, self.column(self.max_order, "int32"),
-        )  # fmt: skip
-
-    def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
-        """Fill the columns of `Partitions`."""
-        self.run(kernels.list_partitions)(
-            0, len(self), self.max_order, self.colors, *self.columns, start, skeleton, part,
-            self.column(self.max_order, "int32"),
         )  # fmt: skip
 
     def split_chunks(self) -> Iterator[Splits]:
@@ -494,5 +525,8 @@ def partitions_of(table: TreeTable) -> Partitions:
         start.append(begin - (table.ids(n).start << (n - 1)))
         begin += sizes[n - 1] << (n - 1)
     starts, skeleton, part = table.column(start), table.column(total, "int32"), table.column(total, "int32")
-    table.list_partitions(starts, skeleton, part)
+    stack = table.column(table.max_order, "int32")
+    table.run(kernels.list_partitions)(
+        0, len(table), table.max_order, table.colors, *table.columns, starts, skeleton, part, stack
+    )
     return Partitions(starts, skeleton, part, total - (sizes[-1] << (table.max_order - 1)))

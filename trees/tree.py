@@ -84,9 +84,6 @@ class Tree:
             children: The children of the root, in any order.
             color: The colour of the root.
 
-        Returns:
-            The tree.
-
         Raises:
             TreeError: If a child is not a tree, the colour is not 0, 1, …, or there are too many nodes.
 
@@ -110,9 +107,6 @@ class Tree:
         Args:
             levels: The distance of each node from the root: 0 for the root, then at most 1 more than the entry before.
             colors: The colour of each node; all 0 if None.
-
-        Returns:
-            The tree.
 
         Raises:
             TreeError: If these are not the levels and colours of one tree.
@@ -140,9 +134,6 @@ class Tree:
             graph: A tree: directed, with edges from parent to child, or undirected. The attribute ``color`` of a node
                 is its colour, by default 0.
             root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
-
-        Returns:
-            The tree.
 
         Raises:
             TreeError: If the graph is not a tree with this root, or a colour is not 0, 1, ….
@@ -185,9 +176,6 @@ class Tree:
 
     def preorder(self) -> Iterator[tuple[int, Tree]]:
         """The level and subtree of each node, in preorder.
-
-        Returns:
-            An iterator over pairs.
 
         Example:
             >>> list(Tree("[τ,[τ]]").preorder())[2:]
@@ -243,13 +231,10 @@ class Tree:
         return factorial(self._order) // self.symmetry
 
     def butcher_product(self, other: Tree) -> Tree:
-        """The Butcher product τ∘θ: `other` becomes one more child of the root.
+        """The Butcher product τ∘θ, neither commutative nor associative: `other` becomes one more child of the root.
 
         Args:
             other: The tree θ.
-
-        Returns:
-            The product, neither commutative nor associative.
 
         Raises:
             TreeError: If `other` is not a tree, or there are too many nodes.
@@ -265,9 +250,6 @@ class Tree:
 
         Args:
             names: One name per colour; None for the default names (none, p and q, or a, b, c, …).
-
-        Returns:
-            The text.
 
         Raises:
             TreeError: If a name is invalid or a colour has none.
@@ -305,9 +287,6 @@ class Tree:
         Args:
             ax: The axes, whose frame is hidden; None for a new figure of suitable size.
             names: The names of the colours, as for `draw`.
-
-        Returns:
-            The axes.
 
         Raises:
             TreeError: The tree has more than 1,000 nodes, or `ax` is no axes.

@@ -9,11 +9,10 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
-from bseries.algebra.presentation import SeriesTerm, known_digits
+from bseries.algebra.presentation import SeriesTerm
 from bseries.exact import recursions
 from bseries.exact.domains import Values, alike, apply, as_floats, exact_number, make_values
-from bseries.exact.operations import Operation, log_denominator, wider_step
-from bseries.exact.rationals import primes_up_to
+from bseries.exact.rationals import Operation, log_denominator, primes_up_to, wider_step
 from bseries.exceptions import SeriesError
 from foundation.table import MOST_ROWS, LazyRows, Table, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
@@ -76,8 +75,12 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         uncertainty: Callable[[int], float] | None = None,
     ):
         empty = exact_number(empty)
+        named = bool(names) and table.colors > 1
+        names = check_names(names) if named else default_names(table.colors)
+        if len(names) != table.colors:
+            raise SeriesError(f"names must be {table.colors} names, one for each colour, but were {len(names)}")
         self.__dict__.update(table=table, stored=values, empty=empty, label=label, kind=kind or _kind(empty))
-        self.__dict__.update(names=_checked_names(names, table.colors), digits=digits, uncertainty=uncertainty)
+        self.__dict__.update(names=names, digits=digits, uncertainty=uncertainty)
 
     def __copy__(self) -> BSeries:
         return self
@@ -439,8 +442,10 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         for at, ((tree, coefficient), symmetry, density) in enumerate(zip(self.items(), *columns, strict=True)):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
+                digits = self.digits
                 error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
-                digits = known_digits(coefficient, error, self.digits)
+                if digits is not None and error:
+                    digits = max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
                 yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
 
     def to_dict(self, *, nonzero: bool = False) -> dict[str, Any]:
@@ -474,8 +479,12 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         }
         if self.digits is not None:
             data["digits"] = self.digits
-        fields = presentation.stored_fields(self._shown_names, self.table, self.digits, self.uncertainty).items()
-        data["terms"] = [{key: get(term) for key, get in fields} for term in self.terms(nonzero=nonzero)]
+        fields: dict[str, Callable[[SeriesTerm], Any]] = presentation.term_fields(self._shown_names)
+        if self.digits is not None:
+            fields["exact"] = lambda term: str(term.coefficient)
+        if (error := self.uncertainty) is not None:
+            fields["error"] = lambda term: error(self.table.index(term.tree))
+        data["terms"] = [{key: get(term) for key, get in fields.items()} for term in self.terms(nonzero=nonzero)]
         return data
 
     def to_julia(self) -> str:
@@ -588,12 +597,3 @@ def fewest_digits(*operands: BSeries) -> int | None:
 def _kind(empty: Any) -> str:
     """What a series is by its coefficient of the empty tree."""
     return "field" if empty == 0 else "series"
-
-
-def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
-    if not names or colors == 1:
-        return default_names(colors)
-    checked = check_names(names)
-    if len(checked) != colors:
-        raise SeriesError(f"names must be {colors} names, one for each colour, but were {len(checked)}")
-    return checked

@@ -13,8 +13,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import FlowChain, MethodStages, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
 from bseries.exact.domains import Values, apply
-from bseries.exact.operations import Operation, log_denominator, wider_step
-from bseries.exact.rationals import RationalValues, primorial
+from bseries.exact.rationals import Operation, RationalValues, log_denominator, primorial, wider_step
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
@@ -148,15 +147,8 @@ def exact_values(table: TreeTable) -> RationalValues:
     denominators = [math.factorial(n) for n in range(table.max_order + 1)]
     density, nodes = table.density.tolist(), table.order.tolist()
     numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
-    return RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
-
-
-def _compact(table: TreeTable, numerators: list[int]) -> Any:
-    if not table.compiled or table.max_order > 20:
-        return numerators
-    import numpy as np
-
-    return np.array(numerators, np.int64)
+    compact = table.column(numerators) if table.max_order <= 20 else numerators  # int64 for compiled kernels
+    return RationalValues(table, compact, denominators, primorial(table.max_order))
 
 
 def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:

@@ -44,15 +44,11 @@ class Exact:
         return kernel.py_func
 
     def by_order(self, table: TreeTable) -> bool:
-        """Whether recursions treat all trees of an order at once (`bseries.exact.whole_orders`)."""
+        """Whether recursions treat all trees of an order at once (`bseries.exact.recursions`)."""
         return False
 
-    def zeros(self, size: int) -> Any:
-        """A vector of `size` zeros."""
-        return [0] * size
-
-    def scratch(self, size: int) -> Any:
-        """A work vector wide enough for sums of products."""
+    def zeros(self, size: int, *, wide: bool = False) -> Any:
+        """A vector of `size` zeros; `wide`: wide enough for sums of products."""
         return [0] * size
 
     def width(self, entries: int) -> Any:
@@ -131,17 +127,11 @@ class Compiled(Exact):
         """Whether the table is not made for compiled kernels."""
         return not table.compiled
 
-    def zeros(self, size: int) -> Any:
+    def zeros(self, size: int, *, wide: bool = False) -> Any:
         """An array of `size` zeros."""
         import numpy as np
 
-        return np.zeros(size, self.dtype)
-
-    def scratch(self, size: int) -> Any:
-        """A work array wide enough for sums of products."""
-        import numpy as np
-
-        return np.zeros(size, self.wide)
+        return np.zeros(size, self.wide if wide else self.dtype)
 
     def width(self, entries: int) -> Any:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
@@ -339,10 +329,11 @@ class WrappedStages(Wrapped):
 
 def rationals(trees: float = math.inf) -> Exact:
     """Exact rational arithmetic: for few trees, Fractions take less time than loading flint."""
-    return Exact() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
+    return _fractions() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
 
 
 # One object for each set of arguments, so that caches can be keyed by arithmetic.
+_fractions = lru_cache(maxsize=1)(Exact)
 _flint = lru_cache(maxsize=1)(Rationals)
 floats = lru_cache(maxsize=1)(Float)
 float_lists = lru_cache(maxsize=1)(FloatLists)

@@ -115,13 +115,10 @@ class Forest:
     __rmul__ = __mul__
 
     def text(self, names: Iterable[str] | None = None) -> str:
-        """The forest as text, unique for each forest; `Forest` reads it back.
+        """The forest as text, which `Forest` reads back: its trees, ascending, with ``·`` between them; or ``∅``.
 
         Args:
             names: One name per colour; None for the default names.
-
-        Returns:
-            The trees, ascending, separated by ``·``; ``∅`` for the empty forest.
 
         Raises:
             TreeError: If a name is invalid or a colour has none.

@@ -155,9 +155,6 @@ class FormalSum:
     def items(self) -> Iterator[tuple[Any, Any]]:
         """Each basis element, a `Forest` or a tuple of them, with its coefficient, in ascending order.
 
-        Returns:
-            An iterator over pairs.
-
         Example:
             >>> list(FormalSum({("τ", "∅"): 3}).items())
             [((Forest('τ'), Forest('∅')), 3)]
@@ -228,9 +225,6 @@ class FormalSum:
         Args:
             other: The right factor: a sum, forest, tree or tuple of forests.
 
-        Returns:
-            A sum of terms with the factors of both.
-
         Raises:
             TreeError: If `other` is none of these, or there are too many terms.
 
@@ -248,9 +242,6 @@ class FormalSum:
         Args:
             rule: Returns a sum, forest, tree, or tuple of forests for each element, a `Forest`, or a tuple of forests
                 in a sum of tensor products.
-
-        Returns:
-            The sum of coefficient · rule(element).
 
         Raises:
             TreeError: If the rule returns anything else, or elements with different numbers of factors.
@@ -292,11 +283,10 @@ class FormalSum:
     def text(self, names: Iterable[str] | None = None) -> str:
         """The sum as text, unique for each sum with rational coefficients.
 
+        Terms ascend, with ``·`` between trees and ``⊗`` between tensor factors.
+
         Args:
             names: One name per colour; None for the default names.
-
-        Returns:
-            The terms, ascending: coefficients, forests with ``·`` between trees, ``⊗`` between tensor factors.
 
         Raises:
             TreeError: If a name is invalid or a colour has none.

@@ -1,4 +1,8 @@
-"""Substitution of a field into a method or a series, its inverse, and modifying integrators.
+"""Products of series: composition and Lie derivatives, substitution and its inverse, and modifying integrators.
+
+exp b = Σ ∂_b^j id / j!, and log is solved from it order by order. compose(a, c) = Σ ∂_{log a}^j c / j!, since the flow
+of log a is a; inverse and powers follow (HLW, lemma IX.9.1). The cost is n² per tree with n nodes; sums over subtrees
+are exponential.
 
 Substitution into a method composes the field with the series of each stage (see `bseries.exact.kernels`):
 n² operations per tree and stage, and restricted tables are closed. Substitution into a series is a sum over all
@@ -13,7 +17,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits
+from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits, result_of
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import (
     MethodStages,
@@ -26,14 +30,93 @@ from bseries.algebra.stages import (
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import alike, apply, ring_element
-from bseries.exact.operations import Operation
-from bseries.exact.rationals import RationalValues, twos
-from bseries.exact.recursions import solved_denominators, substituted_denominators
+from bseries.exact.rationals import Operation, RationalValues, twos
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
+
+
+def compose(a: BSeries, c: BSeries) -> BSeries:
+    """Composition of two maps: first a, then c.
+
+    B(compose(a, c), y) = B(c, B(a, y)), the product a · c of HLW and Butcher.
+
+    Args:
+        a: A flow, applied first.
+        c: A flow, or any series (a field c gives c evaluated at the image of a).
+
+    Raises:
+        SeriesError: a(∅) is not 1, or the trees differ.
+
+    Example:
+        Half a step of the implicit and half a step of the explicit Euler method give the midpoint rule:
+
+        >>> import bseries as bs
+        >>> from fractions import Fraction
+        >>> half = Fraction(1, 2)
+        >>> implicit = bs.series(bs.method("implicit-euler"), 5).scale_step(half)
+        >>> explicit = bs.series(bs.method("explicit-euler"), 5).scale_step(half)
+        >>> compose(implicit, explicit) == bs.series(bs.method("implicit-midpoint"), 5)
+        True
+
+    References:
+        HLW, theorem III.1.10 (there by ordered subtrees).
+    """
+    check_flow(a, "a")
+    if not isinstance(c, BSeries):
+        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
+        return a * c.empty + compose(a, c.with_empty(0))
+
+    def expression(arithmetic: Any, first: Any, second: Any) -> Any:
+        field = recursions.logarithm(first(field=True), a.table, arithmetic)
+        return recursions.lie_series(field, second(field=False), c.empty, a.table, arithmetic)
+
+    bounds = None
+    if isinstance(a.stored, RationalValues) and isinstance(c.stored, RationalValues):
+        # At most 2^n ordered subtrees, each with a product of at most 2^(κ n).
+        growth = max(a.stored.growth, c.stored.growth)
+        bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, bounds=bounds)
+    return result_of(operation, c.empty, a, c)
+
+
+def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
+    """Lie derivative ∂_b c of the series c along the field b.
+
+    (∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), summed over the edges of τ, each cut into trunk and branch.
+
+    Args:
+        b: A field.
+        c: Any series.
+
+    Raises:
+        SeriesError: b(∅) is not 0, or the trees differ.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 3, empty=0)
+        >>> second = lie_derivative(f, f)
+        >>> [str(tree) for tree, value in second.items() if value]
+        ['[τ]']
+
+    References:
+        HLW, lemma IX.9.1.
+    """
+    check_field(b, "b")
+    if not isinstance(c, BSeries):
+        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    if c.empty not in (0, 1):
+        return b * c.empty + lie_derivative(b, c.with_empty(0))
+
+    def expression(arithmetic: Any, field: Any, base: Any) -> Any:
+        once = arithmetic.factors([0, 1] + [0] * b.order)
+        return recursions.derivatives(field(field=True), base(field=False), c.empty, once, b.table, arithmetic)
+
+    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=True)
+    return result_of(operation, 0, b, c)
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -105,15 +188,12 @@ def modifying_integrator(
     """Modifying integrator: the field for which the method gives the exact solution of y' = f(y).
 
     With b the result, the method applied to y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y) is formally the exact
-    flow of f; with the series truncated it is a method of higher order.
+    flow of f, substitute(b, method) = exact_flow; with the series truncated it is a method of higher order.
 
     Args:
         method: A method, or any flow series.
         order: Largest number of nodes N. For a method also a table of trees; for a series by default its own order.
         max_children: Which trees to include, as for `trees.TreeTable`.
-
-    Returns:
-        The field b with substitute(b, method) = exact_flow.
 
     Raises:
         SeriesError: `method` is neither a method nor a flow; its weights sum to 0 for some part of the field; it has
@@ -155,7 +235,7 @@ def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages)
 
     def denominators(step: int) -> tuple[int, ...]:
         powers = tuple(step**n for n in range(table.max_order + 1))
-        return solved_denominators(powers, target.denominators, _numerators(sums))
+        return recursions.solved_denominators(powers, target.denominators, _numerators(sums))
 
     integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
     return Operation(
@@ -200,7 +280,7 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
     values: Any = a.stored.reduced
-    roots = [values.elements[c] if values.kind == "ring" else values[c] for c in range(a.table.colors)]
+    roots = [values.raw[c] if values.kind == "ring" else values[c] for c in range(a.table.colors)]
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 
     def expression(arithmetic: Any, base: Any) -> Any:
@@ -208,7 +288,7 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
     skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
-    denominators = solved_denominators(skeletons, target.denominators, _numerators(roots))
+    denominators = recursions.solved_denominators(skeletons, target.denominators, _numerators(roots))
     operation = _operation(expression, denominators)._replace(avoid=_numerators(roots))
     result = apply(a.table, [values], operation)
     return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
@@ -246,7 +326,7 @@ def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
         skeletons = tuple(a.step**n for n in range(b.table.max_order + 1))
     else:
         skeletons = a.denominators
-    return substituted_denominators(skeletons, b.denominators)
+    return recursions.substituted_denominators(skeletons, b.denominators)
 
 
 def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str]) -> list[Any]:
