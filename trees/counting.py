@@ -49,7 +49,7 @@ def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | 
     """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all."""
     if max_children is None or not hasattr(max_children, "__iter__"):
         bound = _bound(max_children)  # pyright: ignore[reportArgumentType]
-        return tuple((UNBOUNDED,) * colors + (bound,) for _ in range(colors))
+        return ((UNBOUNDED,) * colors + (bound,),) * colors
     listed = list(max_children)  # pyright: ignore[reportArgumentType]
     if any(isinstance(row, str) or not hasattr(row, "__iter__") for row in listed):
         raise TreeError(f"max_children must be one bound or rows of bounds, but was {max_children!r:.60}")

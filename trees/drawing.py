@@ -217,33 +217,29 @@ def draw(
     picture = arrange(trees, columns, labels, names)
     size = picture.width, picture.height  # one point per pixel
     with drawing(ax, TreeError, in_centimetres(size), frame=False) as axes:
-        _draw(picture, axes, fit_picture(axes, size))
+        from matplotlib import collections
+
+        scale = fit_picture(axes, size)  # of lengths in points
+        nodes = [node for tree in picture.drawn for node in tree.nodes]
+        edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
+        diameters = [2 * RADIUS] * len(nodes)
+        circles = collections.EllipseCollection(
+            diameters,
+            diameters,
+            [0.0] * len(nodes),
+            units="xy",
+            offsets=[(x, y) for x, y, _ in nodes],
+            offset_transform=axes.transData,
+            facecolors=[_fill(color) for _, _, color in nodes],
+            edgecolors="black",
+            linewidths=LINE * scale,
+            zorder=2,
+        )
+        axes.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
+        axes.add_collection(circles)
+        for tree in picture.drawn:
+            axes.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
     return axes
-
-
-def _draw(picture: Picture, ax: Axes, scale: float) -> None:
-    """Draw a picture on axes, with lengths in points scaled."""
-    from matplotlib import collections
-
-    nodes = [node for tree in picture.drawn for node in tree.nodes]
-    edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
-    diameters = [2 * RADIUS] * len(nodes)
-    circles = collections.EllipseCollection(
-        diameters,
-        diameters,
-        [0.0] * len(nodes),
-        units="xy",
-        offsets=[(x, y) for x, y, _ in nodes],
-        offset_transform=ax.transData,
-        facecolors=[_fill(color) for _, _, color in nodes],
-        edgecolors="black",
-        linewidths=LINE * scale,
-        zorder=2,
-    )
-    ax.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
-    ax.add_collection(circles)
-    for tree in picture.drawn:
-        ax.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
 
 
 def _fill(color: int) -> str:

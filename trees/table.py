@@ -8,18 +8,9 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
-from trees import kernels
+from trees import counting, kernels
 from trees.compiled import compiling_pays
-from trees.counting import (
-    UNBOUNDED,
-    Limits,
-    check_order,
-    check_size,
-    count_by_color,
-    memory_estimate,
-    normal_limits,
-    refuse_table_beyond_memory,
-)
+from trees.counting import Limits, check_order, normal_limits
 from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
 from trees.notation import default_names
@@ -46,25 +37,15 @@ class Splits(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """The columns for kernels: arrays if the table is compiled, else lists.
+    """The columns for kernels: arrays if the table is compiled, else lists. Of every tree, those of `TreeTable`."""
 
-    Attributes:
-        block: The first id, by number of nodes and root colour.
-        order: Number of nodes of every tree.
-        color: Root colour of every tree.
-        left: Id of every tree without its largest child; −1 for single nodes.
-        right: Id of the largest child of every tree; −1 for single nodes.
-        base_start: The start of `base`, by number of nodes.
-        base: The start of the Butcher products, by tree and block of the right factor.
-    """
-
-    block: Any
+    block: Any  # the first id, by number of nodes and root colour
     order: Any
     color: Any
     left: Any
     right: Any
-    base_start: Any
-    base: Any
+    base_start: Any  # the start of `base`, by number of nodes
+    base: Any  # the start of the Butcher products, by tree and block of the right factor
 
 
 class TreeTable(Sequence[Tree]):
@@ -102,7 +83,7 @@ class TreeTable(Sequence[Tree]):
     def __init__(
         self, order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
     ):
-        self.max_order, self.colors = check_size(order, colors)
+        self.max_order, self.colors = counting.check_size(order, colors)
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
         self._trees: dict[int, Tree] = {}
@@ -245,7 +226,7 @@ class TreeTable(Sequence[Tree]):
         """The restriction, as the argument of that name; None if there is none."""
         if self.limits == normal_limits(self.colors, None):
             return None
-        return [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+        return [[None if bound == counting.UNBOUNDED else bound for bound in row] for row in self.limits]
 
     def __repr__(self) -> str:
         restricted = "" if self.max_children is None else f", max_children={self.max_children}"
@@ -463,12 +444,12 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
     what = f"a table of trees with {order} nodes in {len(limits)} colours"
     # Growth is geometric, so the first order that does not fit decides.
     for n in sorted({min(order, 10), min(order, 16), min(order, 24), min(order, 40), order}):
-        counts = count_by_color(n, limits)
+        counts = counting.count_by_color(n, limits)
         sizes = [sum(row) for row in counts[1:]]
         if sum(sizes) >= 2**31:
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
-        refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
-    return count_by_color(order, limits)
+        counting.refuse_table_beyond_memory(counting.memory_estimate(sizes, len(limits)), what)
+    return counting.count_by_color(order, limits)
 
 
 @lru_cache(maxsize=16)
@@ -481,25 +462,18 @@ def tree_table(
     order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
 ) -> TreeTable:
     """The table for these arguments; tables of up to a million trees are cached."""
-    order, colors = check_size(order, colors)
+    order, colors = counting.check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return _kept_table(order, limits) or TreeTable(order, colors, limits)
 
 
 class Partitions(NamedTuple):
-    """All partitions of the trees of a table; the 2^(n−1) of a tree with n nodes begin at start[n] + tree·2^(n−1).
-
-    Attributes:
-        start: The start of the lists, by number of nodes.
-        skeleton: Id of the tree with every part contracted to a node.
-        part: Id of the part that contains the root.
-        kept: The number of partitions of trees below the largest order.
-    """
+    """All partitions of the trees of a table; the 2^(n−1) of a tree with n nodes begin at start[n] + tree·2^(n−1)."""
 
     start: Any
-    skeleton: Any
-    part: Any
-    kept: int
+    skeleton: Any  # id of the tree with every part contracted to a node
+    part: Any  # id of the part that contains the root
+    kept: int  # the number of partitions of trees below the largest order
 
 
 @lru_cache(maxsize=4)
@@ -519,7 +493,7 @@ def partitions_of(table: TreeTable) -> Partitions:
         raise TreeError(f"table must hold all trees, since skeletons have any number of children, but was {table!r}")
     sizes = table.sizes
     total = sum(size << n for n, size in enumerate(sizes))
-    refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
+    counting.refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
     start, begin = [0], 0
     for n in range(1, table.max_order + 1):
         start.append(begin - (table.ids(n).start << (n - 1)))

@@ -340,11 +340,13 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             HLW, theorem IX.9.2.
         """
         check_flow(self)
-
-        def expression(arithmetic: Any, target: Any) -> Any:
-            return recursions.logarithm(target(field=True), self.table, arithmetic)
-
-        return result_of(Operation(expression, log_denominator, wider_step, field=True), 0, self)
+        operation = Operation(
+            lambda arithmetic, target: recursions.logarithm(target(field=True), self.table, arithmetic),
+            log_denominator,
+            wider_step,
+            field=True,
+        )
+        return result_of(operation, 0, self)
 
     def exp(self) -> BSeries:
         """The exact flow of this field over one step.
@@ -364,11 +366,11 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             HLW, lemma IX.9.1 and equation (IX.9.7).
         """
         check_field(self)
-
-        def expression(arithmetic: Any, field: Any) -> Any:
-            return recursions.lie_series(field(field=True), None, 1, self.table, arithmetic)
-
-        operation = Operation(expression, lambda n, step: math.factorial(n) * step**n, wider_step, field=False)
+        operation = Operation(
+            lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, self.table, arithmetic),
+            lambda n, step: math.factorial(n) * step**n,
+            wider_step,
+        )
         return result_of(operation, 1, self)
 
     def inverse(self) -> BSeries:
@@ -431,9 +433,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             field = recursions.logarithm(first(field=True), self.table, arithmetic)
             return recursions.lie_series(field, None, 1, self.table, arithmetic, s)
 
-        operation = Operation(
-            expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, field=False, units=q
-        )
+        operation = Operation(expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, units=q)
         return result_of(operation, 1, self)
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:

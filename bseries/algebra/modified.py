@@ -47,11 +47,8 @@ def series(method: Method | str, order: int | TreeTable, *, max_children: Any = 
     """
     method = as_method(method)
 
-    def expression(arithmetic: Any, weights: Any) -> Any:
-        return weights(field=False)
-
     def operation(inputs: MethodStages | FlowChain) -> Operation:
-        return Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, passes=inputs.passes)
+        return Operation(lambda arithmetic, weights: weights(field=False), passes=inputs.passes)
 
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
@@ -232,8 +229,4 @@ class Uncertainty:
         return self._spread[at]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _known, (self._spread,)
-
-
-def _known(spread: list[float]) -> Callable[[int], float]:
-    return spread.__getitem__
+        return getattr, (self._spread, "__getitem__")

@@ -17,16 +17,10 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from bseries.algebra import stages as inputs
 from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits, result_of
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
-from bseries.algebra.stages import (
-    MethodStages,
-    RationalStages,
-    auxiliary_colors,
-    check_method,
-    in_one_domain,
-    stages_in_field,
-)
+from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import alike, apply, ring_element
@@ -79,8 +73,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
         # At most 2^n ordered subtrees, each with a product of at most 2^(κ n).
         growth = max(a.stored.growth, c.stored.growth)
         bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
-    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, bounds=bounds)
-    return result_of(operation, c.empty, a, c)
+    return result_of(Operation(expression, bounds=bounds), c.empty, a, c)
 
 
 def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
@@ -115,8 +108,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
         once = arithmetic.factors([0, 1] + [0] * b.order)
         return recursions.derivatives(field(field=True), base(field=False), c.empty, once, b.table, arithmetic)
 
-    operation = Operation(expression, lambda n, step: step**n, lambda _, step: step, field=True)
-    return result_of(operation, 0, b, c)
+    return result_of(Operation(expression, field=True), 0, b, c)
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -151,11 +143,11 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
     check_field(b, "b")
     if isinstance(a, BSeries):
         return _into_series(b, a)
-    method = check_method(a)
+    method = inputs.check_method(a)
     if b.names != method.names:
         raise SeriesError(f"b must have the colours of the method, {_listed(method.names)}, but has {_listed(b.names)}")
     _check_memory(b.table, method)
-    stages, (values,) = in_one_domain(method, b.order, [b.stored])
+    stages, (values,) = inputs.in_one_domain(method, b.order, [b.stored])
 
     def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
         return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
@@ -216,11 +208,11 @@ def modifying_integrator(
         check_flow(a, "method")
         return _solve(a, exact_values(a.table), "method").with_label(a.label, "modifying")
     table = table_of(method, order, max_children)
-    for color in auxiliary_colors(method):
+    for color in inputs.auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
     operation = partial(_modifying_operation, method, table)
-    found = of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+    found = of_method(method, table, operation, 0, inputs.stages_in_field(method, table.max_order))
     return found.with_label(method.name, "modifying")
 
 

@@ -24,21 +24,14 @@ from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from bseries.exact import domains
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Wrapped, wrapped_stages
-from bseries.exact.domains import (
-    Values,
-    alike,
-    as_floats,
-    as_ring,
-    converted,
-    narrowest,
-    ring_element,
-    to_float,
-)
+from bseries.exact.domains import Values, alike, converted, narrowest, ring_element, to_float
 from bseries.exact.rationals import primorial, smallest_step, twos
 from bseries.exact.recursions import Stages, elementary_weights, lie_series
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
@@ -191,12 +184,12 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     """The stages of a method and the values of series in one domain: rationals, floats, or one field."""
     stages, operands = stages_in_field(method, order), alike(values)
     if stages.kind == "float" or operands[0].kind == "float":
-        return _float_stages(method, stages), [as_floats(x) for x in operands]
+        return _float_stages(method, stages), [domains.as_floats(x) for x in operands]
     rings: list[Any] = [x.ring for x in (stages, *operands) if x.kind == "ring"]
     if not rings:
         return stages, operands
     field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
-    return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
+    return _in_ring(stages, field), [domains.as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
 def _in_ring(stages: Any, field: Any) -> MethodStages:
@@ -266,7 +259,6 @@ class StageRows:
             )
         self._program = program
         self._first = [sum(self.sizes[:e]) for e in range(len(self.sizes))]
-        self._registers: list[Row | None] = [None] * len(self.sizes)
         self.part = [e.part for e, size in zip(program.evaluations, self.sizes, strict=True) for _ in range(size)]
         self.rows = [row for e in range(len(self.sizes)) for row in self._block(e)]
         self.weights = self._form(program.result)
@@ -296,40 +288,35 @@ class StageRows:
             _add(row, self._register(e), x)
         return row
 
+    @cached_method
     def _register(self, e: int) -> Row:
         """The linear functional that gives k_e."""
-        known = self._registers[e]
-        if known is not None:
-            return known
         evaluation, first, size = self._program.evaluations[e], self._first[e], self.sizes[e]
-        row: Row
         match evaluation:
             case Field():
-                row = {first: Fraction(1)}
+                return {first: Fraction(1)}
             case Derivative():
-                row = {first + 1: Fraction(1)}
+                return {first + 1: Fraction(1)}
             case Average(_, _, power):
-                row = {first + k: Fraction(1, k + power + 1) for k in range(size)}
+                return {first + k: Fraction(1, k + power + 1) for k in range(size)}
             case Flow(_, _, time, forcing):
-                row = {first + k: multiply_entries(time, Fraction(1, k + 1)) for k in range(size)}
+                row: Row = {first + k: multiply_entries(time, Fraction(1, k + 1)) for k in range(size)}
                 for j, form in enumerate(forcing):
                     _add(row, self._form(form), Fraction(1, j + 1))
-        self._registers[e] = row
-        return row
+                return row
 
     def flat(self, colors: int) -> tuple[list[Any], list[Any]]:
         """Matrices and weights, colour by colour, in the form of `Stages`."""
-        size = len(self.rows)
-        a: list[Any] = [Fraction(0)] * (colors * size * size)
-        b: list[Any] = [Fraction(0)] * (colors * size)
-        for color in range(colors):
-            for i, row in enumerate(self.rows):
-                for j, x in row.items():
-                    if self.part[j] in (color, None):
-                        a[(color * size + i) * size + j] = x
-            for j, x in self.weights.items():
-                if self.part[j] in (color, None):
-                    b[color * size + j] = x
+        zero = Fraction(0)
+        a, b = (
+            [
+                row.get(j, zero) if part in (color, None) else zero
+                for color in range(colors)
+                for row in rows
+                for j, part in enumerate(self.part)
+            ]
+            for rows in (self.rows, [self.weights])
+        )
         return a, b
 
 

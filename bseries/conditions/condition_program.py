@@ -174,10 +174,6 @@ class ConditionProgram:
                         pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
         return [GradientTerm(factor, *key) for key, factor in derivatives.items()]
 
-    def require(self, equations: Sequence[Equation]) -> None:
-        """Set the equations, whose operations are there."""
-        self.equations, self.size = tuple(equations), len(self.operations)
-
     def free_entries(self, stages: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """The coefficients that the structures allow: block, and index in the block."""
         structures = iter(self.structures)

@@ -16,7 +16,7 @@ from bseries.conditions.condition_program import (
     EquationTerm,
     StageMatrix,
 )
-from trees.lyndon_words import lyndon_trees
+from trees.lyndon_words import lyndon_words
 from trees.tree import Tree
 
 Sums = Callable[["Tree"], "tuple[EquationTerm, ...]"]
@@ -38,7 +38,7 @@ class MethodKind(NamedTuple):
     colors: int = 1  # the default number of colours
     has_parts: bool = False  # whether there are as many parts as colours, each with its own arrays
     limits: Any = None  # `max_children` of the trees with nonzero elementary differentials
-    trees: Callable[[int, int], Sequence[Tree]] | None = None  # all trees, if they are not those of a `TreeTable`
+    trees: Callable[[int, int], Sequence[Tree]] | None = None  # all trees, if not those of a `TreeTable`: Lyndon words
     structures: tuple[str, ...] | None = None  # the structure of each matrix, if the kind determines it
 
     def program(self, names: Sequence[str], structures: Sequence[str]) -> ConditionProgram:
@@ -198,7 +198,7 @@ KINDS = {
         (StageMatrix((), relation="<"), StageMatrix((), relation="≤")),
         colors=2,
         has_parts=True,
-        trees=lyndon_trees,
+        trees=lambda order, colors: sorted(Tree.from_levels(range(len(w)), w) for w in lyndon_words(order, colors)),
     ),
 }
 """The kinds by name."""

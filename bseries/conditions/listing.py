@@ -164,7 +164,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         for weighted in self._weighted:
             terms = [EquationTerm(w * term.factor, *term[1:]) for w, tree in weighted for term in sums(tree)]
             equations.append(Equation(tuple(terms), sum((w / tree.density for w, tree in weighted), Fraction(0))))
-        program.require(equations)
+        program.equations, program.size = tuple(equations), len(program.operations)
         return program
 
     @property
@@ -374,7 +374,17 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             <BLANKLINE>
             c_i = Σ_j a_ij.
         """
-        names, rows = self._shown_names, LazyRows(lambda: self, len(self))
+        names, rows, request = self._shown_names, LazyRows(lambda: self, len(self)), self.request
+        notes = [f"{KINDS[self.kind].notation}."]
+        if any(request.assumptions):
+            notes.append(f"Conditions that follow from {request.assumptions} and from those listed are left out.")
+        if request.scalar:
+            equation = "y' = f(y)" if request.scalar == SCALAR[0] else "y' = f(t, y)"
+            notes.append(f"For scalar equations {equation}: isomeric trees share one condition.")
+        if request.symmetric:
+            notes.append(
+                "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."
+            )
         columns = (
             Column("|τ|", True, self._fields["order"]),
             Column("tree τ", get=lambda x: ", ".join(tree.text(names) for tree in x.trees)),
@@ -384,7 +394,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             f"Order {self.order} of {KINDS[self.kind].about}: {len(self)} condition{'s' * (len(self) != 1)}",
             columns,
             rows,
-            list(_notes(self)),
+            notes,
             data=self.to_dict,
             items="conditions",
             section=self._fields["order"],
@@ -393,19 +403,6 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         )
 
     _repr_html_, to_pandas = as_html, as_frame
-
-
-def _notes(found: OrderConditions) -> Iterator[str]:
-    """Sentences below the table."""
-    request = found.request
-    yield f"{KINDS[found.kind].notation}."
-    if any(request.assumptions):
-        yield f"Conditions that follow from {request.assumptions} and from those listed are left out."
-    if request.scalar:
-        equation = "y' = f(y)" if request.scalar == "autonomous" else "y' = f(t, y)"
-        yield f"For scalar equations {equation}: isomeric trees share one condition."
-    if request.symmetric:
-        yield "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."
 
 
 def order_conditions(

@@ -33,7 +33,7 @@ class Exact:
     """Python or SymPy numbers in lists; kernels run uncompiled."""
 
     modulus: Any = 0
-    majorant = False
+    majorant = compiled = False
     dtype = "object"
 
     def __init__(self, element: Callable[[Any], Any] | None = None):
@@ -41,11 +41,11 @@ class Exact:
 
     def run(self, kernel: Kernel) -> Any:
         """The interpreted or compiled version of a kernel."""
-        return kernel.py_func
+        return kernel.compiled if self.compiled else kernel.py_func
 
     def by_order(self, table: TreeTable) -> bool:
-        """Whether recursions treat all trees of an order at once (`bseries.exact.recursions`)."""
-        return False
+        """Whether recursions treat all trees of an order at once, since the table is not made for compiled kernels."""
+        return self.compiled and not table.compiled
 
     def zeros(self, size: int, *, wide: bool = False) -> Any:
         """A vector of `size` zeros; `wide`: wide enough for sums of products."""
@@ -65,7 +65,7 @@ class Exact:
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree, as the kernels expect them."""
-        return table.lists
+        return table.arrays if self.compiled else table.lists
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids, such as splits and partitions, as the kernels expect them."""
@@ -116,16 +116,9 @@ class Rationals(Exact):
 class Compiled(Exact):
     """Numbers in NumPy arrays; kernels run compiled."""
 
+    compiled = True
     dtype: str
     wide: str
-
-    def run(self, kernel: Kernel) -> Any:
-        """The compiled kernel."""
-        return kernel.compiled
-
-    def by_order(self, table: TreeTable) -> bool:
-        """Whether the table is not made for compiled kernels."""
-        return not table.compiled
 
     def zeros(self, size: int, *, wide: bool = False) -> Any:
         """An array of `size` zeros."""
@@ -148,10 +141,6 @@ class Compiled(Exact):
         import numpy as np
 
         return np.array(numbers, np.uint64)
-
-    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
-        """The columns as unsigned arrays."""
-        return table.arrays
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays."""

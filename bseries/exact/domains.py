@@ -29,18 +29,10 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
-from bseries.exact.rationals import (
-    BY_ORDER,
-    Operation,
-    RationalValues,
-    Values,
-    evaluate,
-    interpreted_seconds,
-    works_by_order,
-)
+from bseries.exact.rationals import Operation, RationalValues, Values, evaluate, interpreted_seconds
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
@@ -68,21 +60,15 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
 
         if isinstance(value, sympy.Rational):
             return Fraction(int(value.p), int(value.q))
-        if isinstance(value, sympy.Expr) and _is_usable(value):
+        outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
+        is_usable = isinstance(value, sympy.Expr) and not value.has(*outside) and value.is_finite is not False
+        if is_usable and value.is_commutative is not False:
             if not value.has(sympy.Float):
                 return value
             if value.is_number and value.is_real:
                 return float(value)
             raise SeriesError(f"{name} must not mix floats with symbols or complex numbers, but was {value!s:.60}")
     raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
-
-
-def _is_usable(value: sympy.Expr) -> bool:
-    """Whether an expression can be a coefficient: real, finite, and commutative."""
-    import sympy
-
-    outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
-    return not value.has(*outside) and value.is_finite is not False and value.is_commutative is not False
 
 
 class FloatValues(Values):
@@ -164,12 +150,6 @@ class RingValues(Values):
         ]
         return RingValues(self.table, ring, elements, step)
 
-    def narrowed(self) -> RingValues | RationalValues:
-        """The values as `RationalValues` if they all are rational."""
-        if all(isinstance(self[at], Fraction) for at in range(len(self.raw))):
-            return RationalValues.from_fractions(self.table, self.coefficients())
-        return self
-
 
 def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     """The smallest SymPy ring for these exact entries: (ring, numerators, common denominator)."""
@@ -241,23 +221,17 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
     return field, quotients
 
 
-class Numbers(NamedTuple):
-    """Numbers in one domain: floats, Fractions, or elements of a ring to be divided by `step`."""
+def narrowest(numbers: Sequence[Any]) -> tuple[str, list[Any], Any, Any]:
+    """Results of `exact_number` in the narrowest domain that holds them all: (kind, entries, ring, step).
 
-    kind: str
-    entries: list[Any]
-    ring: Any = None
-    step: Any = None
-
-
-def narrowest(numbers: Sequence[Any]) -> Numbers:
-    """Results of `exact_number` in the narrowest domain that holds them all."""
+    In a ring, the numbers are the entries divided by `step`.
+    """
     if any(isinstance(number, float) for number in numbers):
-        return Numbers("float", [to_float(number) for number in numbers])
+        return "float", [to_float(number) for number in numbers], None, None
     if all(isinstance(number, Fraction) for number in numbers):
-        return Numbers("rational", list(numbers))
+        return "rational", list(numbers), None, None
     ring, elements, step = ring_and_elements(numbers)  # takes seconds where roots are of high degree
-    return Numbers("ring", elements, ring, step)
+    return "ring", elements, ring, step
 
 
 def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
@@ -317,15 +291,16 @@ def as_ring(values: Any) -> RingValues:
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
-    if first.kind != "ring" and not table.compiled:
-        by_order = first.kind == "rational" and works_by_order(table, operation)
-        table.choose_kernels(interpreted_seconds(table, operation) / (BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return evaluate(table, operands, operation)
+    if first.kind == "float":
+        table.choose_kernels(interpreted_seconds(table, operation))
     arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "ring":
-        return RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step).narrowed()
+        values = RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step)
+        is_rational = all(isinstance(values[at], Fraction) for at in range(len(table)))
+        return RationalValues.from_fractions(table, values.coefficients()) if is_rational else values
     if not all(map(math.isfinite, raw if isinstance(raw, list) else [abs(raw).max()])):
         raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
     return FloatValues(table, raw)

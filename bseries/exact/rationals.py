@@ -23,20 +23,9 @@ from itertools import pairwise
 from operator import add
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries.exact import arithmetic as arithmetics
 from bseries.exact import kernels
-from bseries.exact.arithmetic import (
-    MOST_STAGES,
-    MOST_TERMS,
-    Exact,
-    Majorant,
-    Prime,
-    Wrapped,
-    majorants,
-    prime_field,
-    primes_beyond,
-    rationals,
-    wrapped_integers,
-)
+from bseries.exact.arithmetic import MOST_STAGES, MOST_TERMS, Exact, Majorant, Prime, Wrapped
 from trees.compiled import arrays_pay, interpreting
 
 if TYPE_CHECKING:
@@ -175,7 +164,11 @@ class RationalValues(Values):
     @cached_property
     def growth(self) -> float:
         """Some κ ≥ 0 such that no value exceeds 2^(κ·n)."""
-        largest = [_largest(self.raw[first:last]) for first, last in pairwise(self.table.offsets)]
+        parts = (self.raw[first:last] for first, last in pairwise(self.table.offsets))
+        if isinstance(self.raw, list):
+            largest = [max(map(abs, part), default=0) for part in parts]
+        else:  # |−2^63| overflows int64
+            largest = [max(int(part.max(initial=0)), -int(part.min(initial=0))) for part in parts]
         logs = [(math.log2(x) - math.log2(self.denominators[n])) / n for n, x in enumerate(largest, 1) if x]
         most = max(logs, default=0.0)
         return most + 1e-9 if most > 0 else 0.0
@@ -209,12 +202,6 @@ class RationalValues(Values):
         return vector
 
 
-def _largest(numbers: Any) -> int:
-    if isinstance(numbers, list):
-        return max((abs(x) for x in numbers), default=0)
-    return max(int(numbers.max(initial=0)), -int(numbers.min(initial=0)))  # |−2^63| overflows int64
-
-
 class Operation(NamedTuple):
     """An operation on series, with the facts that prove its result.
 
@@ -224,9 +211,9 @@ class Operation(NamedTuple):
     """
 
     expression: Callable[..., Any]
-    denominator: Callable[[int, int], int]  # denominator(n, L) is the denominator bound D_n
-    step: Callable[[int, int], int]  # step(order, L) is some L for the result
-    field: bool  # whether the raw result is scaled as a field (see `Wrapped`)
+    denominator: Callable[[int, int], int] = lambda n, step: step**n  # denominator(n, L) is the denominator bound D_n
+    step: Callable[[int, int], int] = lambda order, step: step  # step(order, L) is some L for the result
+    field: bool = False  # whether the raw result is scaled as a field (see `Wrapped`)
     units: int = 1
     avoid: int = 1  # a number divided by: its prime factors are not used as moduli
     bounds: Sequence[float] | None = None  # log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run
@@ -234,9 +221,10 @@ class Operation(NamedTuple):
     passes: int = 1  # about how many recursions over all trees the operation takes
 
 
+@lru_cache(maxsize=1024)
 def log_denominator(n: int, step: int) -> int:
     """The denominator bound of log a for trees with n nodes (see above)."""
-    return lcm_up_to(n) * step**n
+    return math.lcm(*range(1, n + 1)) * step**n
 
 
 def wider_step(order: int, step: int) -> int:
@@ -255,14 +243,20 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
     denominators = (1, *(operation.denominator(n, common) for n in range(1, table.max_order + 1)))
     step = operation.step(table.max_order, common)
 
+    by_order = False
+    if not table.compiled:
+        seconds = interpreted_seconds(table, operation)
+        by_order = operation.units % 2 == 1 and operation.integers is None and arrays_pay(seconds)
+        table.choose_kernels(seconds / (BY_ORDER if by_order else 1))
+
     def run(arithmetic: Exact) -> Any:
         return operation.expression(arithmetic, *(partial(source.load, table, arithmetic) for source in sources))
 
     has_bounds = table.max_order <= MOST_TERMS and max(source.terms for source in sources) <= MOST_STAGES
-    if has_bounds and (table.compiled or works_by_order(table, operation)):
+    if has_bounds and (table.compiled or by_order):
         integers = scaling = None
         if operation.units % 2:
-            integers = operation.integers or wrapped_integers(twos(common))
+            integers = operation.integers or arithmetics.wrapped_integers(twos(common))
             scaling = _scaling(integers, denominators, operation.field)
             denominators = scaling.denominators
         if operation.bounds is None:
@@ -277,7 +271,7 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
             avoid = common * operation.units * operation.avoid
             return RationalValues(table, _run_primes(table, run, max(bits), avoid, denominators), denominators, step)
     with interpreting():
-        values = run(rationals(len(table)))
+        values = run(arithmetics.rationals(len(table)))
     scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
     return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
 
@@ -306,13 +300,6 @@ def interpreted_seconds(table: TreeTable, operation: Operation) -> float:
     return 4e-6 * table.max_order * len(table) * operation.passes
 
 
-def works_by_order(table: TreeTable, operation: Operation) -> bool:
-    """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
-    return bool(
-        operation.units % 2 and operation.integers is None and arrays_pay(interpreted_seconds(table, operation))
-    )
-
-
 def _integer(value: Any) -> int:
     """A whole rational number, of Python or of flint, as an integer."""
     if isinstance(value, int):
@@ -330,7 +317,7 @@ def _bits(
     import numpy as np
 
     try:
-        bounds = run(majorants(exponent, table.max_order))
+        bounds = run(arithmetics.majorants(exponent, table.max_order))
     except OverflowError:
         return None
 
@@ -357,11 +344,11 @@ def _run_primes(
     """One run for each prime, in parallel threads: compiled kernels release the GIL."""
     import numpy as np
 
-    primes = primes_beyond(bits + 2, avoid)
+    primes = arithmetics.primes_beyond(bits + 2, avoid)
     residues = np.empty((len(primes), len(table)), np.int32)
 
     def one(i: int) -> None:
-        values = run(prime_field(primes[i])).astype(np.int64)
+        values = run(arithmetics.prime_field(primes[i])).astype(np.int64)
         factors = np.array([d % primes[i] for d in denominators])
         values *= factors[table.order]
         values %= primes[i]
@@ -415,12 +402,6 @@ def primes_up_to(n: int) -> tuple[int, ...]:
 def primorial(n: int) -> int:
     """Product of the primes up to n."""
     return math.prod(primes_up_to(n))
-
-
-@lru_cache(maxsize=64)
-def lcm_up_to(n: int) -> int:
-    """lcm(1, …, n)."""
-    return math.lcm(*range(1, n + 1))
 
 
 def twos(number: int) -> int:

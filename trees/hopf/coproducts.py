@@ -14,20 +14,10 @@ from typing import Any
 
 from trees.counting import MOST_NODES
 from trees.errors import TreeError
+from trees.hopf import sums
 from trees.hopf.forests import Forest, rooted
 from trees.hopf.products import graft
-from trees.hopf.sums import (
-    KEPT,
-    FormalSum,
-    Summand,
-    Terms,
-    add_terms,
-    as_sum,
-    check_work,
-    fold,
-    multiply_terms,
-    work_of,
-)
+from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, add_terms, as_sum, check_work, fold, multiply_terms
 from trees.tree import Tree
 
 _NONE = Forest()
@@ -167,7 +157,7 @@ def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: in
         work = 0
         for tree in forest:
             image = of_tree(tree).terms
-            work += work_of(value, image, forest.order)
+            work += sums.work_of(value, image, forest.order)
             check_work(work)
             value = multiply_terms(value, image)
         return FormalSum.from_terms(value)
