@@ -30,13 +30,10 @@ class Drawn(NamedTuple):
     """A tree in a picture, with coordinates in pixels to the right and down from the upper left corner."""
 
     title: str
-    nodes: list[tuple[float, float, int]]
-    """Coordinates and colour of each node, in preorder."""
-    edges: list[tuple[float, float, float, float]]
-    """Coordinates of both ends of each edge."""
+    nodes: list[tuple[float, float, int]]  # coordinates and colour of each node, in preorder
+    edges: list[tuple[float, float, float, float]]  # coordinates of both ends of each edge
     caption: str
-    below: tuple[float, float]
-    """The centre of the caption's base line."""
+    below: tuple[float, float]  # the centre of the caption's base line
 
 
 class Picture(NamedTuple):

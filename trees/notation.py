@@ -56,12 +56,7 @@ def default_names(colors: int) -> tuple[str, ...]:
 
 
 def default_color(name: str) -> int | None:
-    """The colour with a default name among three or more colours; None if there is none.
-
-    Example:
-        >>> default_color("c"), default_color("a1"), default_color("p")
-        (2, 23, None)
-    """
+    """The colour with a default name among three or more colours; None if there is none."""
     letter, cycle = _LETTERS.find(name[0]), name[1:]
     if letter < 0 or cycle.startswith("0") or not is_number(cycle or "0"):
         return None
@@ -92,12 +87,7 @@ def check_names(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> list[str]:
-    """The name of each node's colour, by default the default name.
-
-    Example:
-        >>> node_names((0, 1, 0)), node_names((0, 0))
-        (['p', 'q', 'p'], ['', ''])
-    """
+    """The name of each node's colour, by default the default name."""
     largest = max(colors)
     checked = default_names(largest + 1) if names is None else check_names(names)
     if largest >= len(checked):
@@ -106,12 +96,7 @@ def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> lis
 
 
 def parents_of(levels: Sequence[int]) -> list[int]:
-    """The parent of each node, as index in preorder; −1 for the root.
-
-    Example:
-        >>> parents_of((0, 1, 2, 1))
-        [-1, 0, 1, 0]
-    """
+    """The parent of each node, as index in preorder; −1 for the root."""
     path: list[int] = []  # the nodes from the root to the current one
     parents = []
     for node, level in enumerate(levels):
@@ -121,12 +106,7 @@ def parents_of(levels: Sequence[int]) -> list[int]:
 
 
 def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:
-    """A tree as nested text: each node's label, then its children in brackets, separated by commas.
-
-    Example:
-        >>> nest((0, 1, 2, 1), "abcd", "(", ")")
-        'a(b(c),d)'
-    """
+    """A tree as nested text: each node's label, then its children in brackets, separated by commas."""
     parts = []
     for level, following, label in zip(levels, (*levels[1:], 0), labels, strict=True):
         parts.append(label + (opening if following > level else closing * (level - following) + ","))

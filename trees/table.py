@@ -298,16 +298,7 @@ class TreeTable(Sequence[Tree]):
         return svg(self) if len(self) <= MAX_TREES else None
 
     def plot(self, ax: Axes | None = None, *, columns: int | None = None, labels: bool = True) -> Axes:
-        """The picture of all trees, in the order of their ids.
-
-        Args:
-            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-            columns: The number of trees in a row; None for at most 10.
-            labels: Whether the texts of the trees stand below them.
-
-        Raises:
-            TreeError: There are more than 2,000 trees, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
+        """The picture of all trees, in the order of their ids; arguments and errors are those of `draw`.
 
         Example:
             >>> [text.get_text() for text in TreeTable(3).plot().texts]
@@ -480,14 +471,8 @@ class Partitions(NamedTuple):
 def partitions_of(table: TreeTable) -> Partitions:
     """The partitions of all trees of a table, cached for the last four tables.
 
-    Example:
-        >>> partitions = partitions_of(TreeTable(4))
-        >>> len(partitions.skeleton)
-        43
-
-    References:
-        P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010), §3.2,
-        doi:10.1007/s10208-010-9065-1.
+    P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010), §3.2,
+    doi:10.1007/s10208-010-9065-1.
     """
     if table.limits != normal_limits(table.colors, None):
         raise TreeError(f"table must hold all trees, since skeletons have any number of children, but was {table!r}")

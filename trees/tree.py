@@ -312,15 +312,7 @@ class Tree:
         return svg(self)
 
     def plot(self, ax: Axes | None = None, names: Iterable[str] | None = None) -> Axes:
-        """The picture of the tree, with the root at the bottom; `draw` has tables of trees.
-
-        Args:
-            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-            names: The names of the colours, as for `draw`.
-
-        Raises:
-            TreeError: The tree has more than 1,000 nodes, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
+        """The picture of the tree, with the root at the bottom; arguments and errors are those of `draw`.
 
         Example:
             >>> Tree("[τ,[τ]]").plot().figure.savefig("/dev/null", format="pdf")

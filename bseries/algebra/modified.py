@@ -17,7 +17,7 @@ from bseries.exact.rationals import Operation, RationalValues, log_denominator, 
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
-from trees.counting import count_trees
+from trees.counting import Limits, check_order, count_trees, memory_estimate, normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable, tree_table
 
 
@@ -161,17 +161,19 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
-    if max_children is None and isinstance(order, int):
-        _refuse_beyond_memory(order, colors)
-    else:
-        recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
+    _refuse_beyond_memory(
+        check_order(order), colors, None if max_children is None else normal_limits(colors, max_children)
+    )
     return tree_table(order, colors, max_children)
 
 
-@lru_cache(maxsize=64, typed=True)
-def _refuse_beyond_memory(order: int, colors: int) -> None:
-    """Refuse tables beyond the memory, once for each size."""
-    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
+@lru_cache(maxsize=64)
+def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None) -> None:
+    """Refuse series that would not fit in memory, before their table is made, once for each size."""
+    sizes = count_trees(order, colors, limits)
+    rows = (len(sizes) + 3) * sum(sizes[:-1])
+    needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
+    refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")
 
 
 def of_method(
@@ -204,12 +206,7 @@ class Uncertainty:
     CHANGE = 2.0**-26
     """Balances the rounding errors of central differences with those of the difference quotient."""
 
-    def __init__(
-        self,
-        inputs: RationalStages | FlowChain,
-        coefficients_of: Callable[[Any], list[float]],
-        digits: int,
-    ):
+    def __init__(self, inputs: RationalStages | FlowChain, coefficients_of: Callable[[Any], list[float]], digits: int):
         self._compute = (inputs, coefficients_of, digits)
 
     @cached_property

@@ -106,7 +106,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         once = arithmetic.factors([0, 1] + [0] * b.order)
-        return recursions.derivatives(field(field=True), base(field=False), c.empty, once, b.table, arithmetic)
+        return recursions.lie_series(field(field=True), base(field=False), c.empty, b.table, arithmetic, weights=once)
 
     return result_of(Operation(expression, field=True), 0, b, c)
 
@@ -152,9 +152,8 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
     def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
         return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
 
-    operation = _operation(expression, _denominators_after(values, stages), _bounds_after(values, stages))
     digits = [x for x in (b.digits, method.digits) if x is not None]
-    result = apply(b.table, [values, stages], operation)
+    result = apply(b.table, [values, stages], _substitution(expression, values, stages))
     return BSeries(b.table, result, 1, names=b.names, digits=min(digits, default=None))
 
 
@@ -166,7 +165,7 @@ def _into_series(b: BSeries, a: BSeries) -> BSeries:
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         return recursions.into_series(base(field=False), b.table, arithmetic, field=field(field=True))
 
-    operation = _operation(expression, _denominators_after(first, second), _bounds_after(first, second))
+    operation = _substitution(expression, first, second)
     if isinstance(second, RationalValues):
         integers = _integers(first.denominators, second.denominators)
         operation = operation._replace(units=1 if integers else 2, integers=integers)
@@ -225,20 +224,12 @@ def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages)
         exact = target.load(table, arithmetic, field=True)
         return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
 
-    def denominators(step: int) -> tuple[int, ...]:
-        powers = tuple(step**n for n in range(table.max_order + 1))
-        return recursions.solved_denominators(powers, target.denominators, _numerators(sums))
-
-    integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
-    return Operation(
-        expression,
-        lambda n, step: denominators(step)[n],
-        lambda _, step: math.lcm(*denominators(step)),
-        field=True,
-        units=1 if integers else 2,
-        avoid=_numerators(sums),
-        integers=integers,
-    )
+    is_rational = isinstance(stages, RationalStages)
+    numerators = _numerators(sums)
+    powers = tuple(stages.step**n if is_rational else 1 for n in range(table.max_order + 1))
+    operation = _operation(expression, recursions.solved_denominators(powers, target.denominators, numerators))
+    integers = stages.integers if is_rational and numerators % 2 else None
+    return operation._replace(units=1 if integers else 2, avoid=numerators, integers=integers)
 
 
 def substitution_inverse(b: BSeries) -> BSeries:
@@ -293,12 +284,15 @@ def _operation(expression: Any, denominators: Sequence[int], bounds: Sequence[fl
     )
 
 
-def _bounds_after(b: Any, a: Any) -> list[float] | None:
-    """Bounds on b ★ a: at most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b."""
+def _substitution(expression: Any, b: Any, a: Any) -> Operation:
+    """The operation that gives b ★ a; only rational values need bounds."""
     if not isinstance(b, RationalValues):
-        return None
-    growth = a.growth + b.growth + 1
-    return [growth * n - 1 for n in range(1, b.table.max_order + 1)]
+        return _operation(expression, ())
+    orders = range(b.table.max_order + 1)
+    skeletons = tuple(a.step**n for n in orders) if isinstance(a, RationalStages) else a.denominators
+    # At most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b.
+    bounds = [(a.growth + b.growth + 1) * n - 1 for n in orders[1:]]
+    return _operation(expression, recursions.substituted_denominators(skeletons, b.denominators), bounds)
 
 
 def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | None:
@@ -308,17 +302,6 @@ def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | 
     offset = max((-(-twos(d) // (m - 1)) for m, d in enumerate(skeletons) if m > 1), default=0)
     slope = max(-(-(twos(d) + offset) // n) for n, d in enumerate(parts) if n > 0)
     return wrapped_parts(slope, offset)
-
-
-def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
-    """Denominator bounds for b ★ a; only rational values need them."""
-    if not isinstance(b, RationalValues):
-        return ()
-    if isinstance(a, RationalStages):
-        skeletons = tuple(a.step**n for n in range(b.table.max_order + 1))
-    else:
-        skeletons = a.denominators
-    return recursions.substituted_denominators(skeletons, b.denominators)
 
 
 def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str]) -> list[Any]:

@@ -103,16 +103,6 @@ class Exact:
     """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
 
 
-class Rationals(Exact):
-    """python-flint's rational numbers in lists, which take a tenth of the time of Fractions."""
-
-    def number(self, value: Any) -> Any:
-        """An integer or a Fraction."""
-        from flint import fmpq
-
-        return fmpq(value.numerator, value.denominator)
-
-
 class Compiled(Exact):
     """Numbers in NumPy arrays; kernels run compiled."""
 
@@ -164,7 +154,10 @@ class FloatLists(Exact):
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
         """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 are just rounded."""
-        weights = [self.number(values[j]) if j < 2 else leading_bits(values[j]) for j in range(len(values))]
+        weights = [self.number(value) for value in values]
+        for j in range(2, len(values)):
+            fraction, exponent = math.frexp(weights[j])
+            weights[j] = math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
         tails = [0 if j < 2 else value - Fraction(weights[j]) for j, value in enumerate(values)]
         return self.vector(weights), self.vector(tails)
 
@@ -173,12 +166,6 @@ class Float(Compiled, FloatLists):
     """float64."""
 
     dtype = wide = "float64"
-
-
-def leading_bits(value: Fraction) -> float:
-    """The first 24 bits of a number."""
-    fraction, exponent = math.frexp(float(value))
-    return math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
 
 
 class Majorant(Float):
@@ -321,9 +308,16 @@ def rationals(trees: float = math.inf) -> Exact:
     return _fractions() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
 
 
+@lru_cache(maxsize=1)
+def _flint() -> Exact:
+    """python-flint's rational numbers in lists, which take a tenth of the time of Fractions."""
+    from flint import fmpq
+
+    return Exact(lambda value: fmpq(value.numerator, value.denominator))
+
+
 # One object for each set of arguments, so that caches can be keyed by arithmetic.
 _fractions = lru_cache(maxsize=1)(Exact)
-_flint = lru_cache(maxsize=1)(Rationals)
 floats = lru_cache(maxsize=1)(Float)
 float_lists = lru_cache(maxsize=1)(FloatLists)
 prime_field = lru_cache(maxsize=1024)(Prime)

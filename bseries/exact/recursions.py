@@ -11,11 +11,10 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 from bseries.exact import kernels
 from bseries.exact.arithmetic import Exact, factorial_weights
-from trees.counting import memory_estimate, refuse_table_beyond_memory
 from trees.table import TreeTable, partitions_of
 
 
@@ -103,35 +102,16 @@ def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
 
 
 def lie_series(
-    field: Any,
-    base: Any | None,
-    base_empty: Any,
-    table: TreeTable,
-    arithmetic: Exact,
-    factor: Any = 1,
-    *,
-    sparse: bool = False,
-) -> Any:
-    """Σ_j factor^j/j! · ∂_field^j c: the flow of factor · field, then the series c (see `derivatives`)."""
-    factor = abs(factor) if arithmetic.majorant else factor
-    weights = factorial_weights(arithmetic, table.max_order, factor, False)
-    return derivatives(field, base, base_empty, weights, table, arithmetic, sparse=sparse)
+    field: Any, base: Any, base_empty: Any, table: TreeTable, arithmetic: Exact, factor: Any = 1, *,
+    weights: Any = None, sparse: bool = False,
+) -> Any:  # fmt: skip
+    """Σ_j factor^j/j! · ∂_field^j c: the flow of factor · field, then the series c.
 
-
-def derivatives(
-    field: Any,
-    base: Any | None,
-    base_empty: Any,
-    weights: tuple[Any, Any],
-    table: TreeTable,
-    arithmetic: Exact,
-    *,
-    sparse: bool = False,
-) -> Any:
-    """Σ_j weight_j · ∂_field^j c, with c(τ) = base (None: zero) and c(∅) = base_empty.
-
-    `weights` are `factors` of the arithmetic; `sparse` says that the field vanishes at most trees.
+    c(τ) = base (None: zero) and c(∅) = base_empty. `weights`, `factors` of the arithmetic, may take the place of
+    factor^j/j!; `sparse` says that the field vanishes at most trees.
     """
+    factor = abs(factor) if arithmetic.majorant else factor
+    weights = weights or factorial_weights(arithmetic, table.max_order, factor, False)
     result = arithmetic.zeros(len(table))
     base = arithmetic.zeros(0) if base is None else base
     empty = arithmetic.vector([base_empty])[0]
@@ -224,18 +204,13 @@ def _lie_series_by_order(
             rows[ids, shift + 1 : shift + n] = terms[:, shift : shift + n - 1]
 
 
-class Layout(NamedTuple):
-    """The blocks of a method, and the indices of those whose stages differ from the start value."""
-
-    blocks: list[int]
-    live: list[int]
-    degrees: list[int]
-    moved: int
-
-
 @lru_cache(maxsize=256)
-def _layout(stages: Stages) -> Layout:
-    """Blocks with a nonzero row get an index; products modulo a power of z need no higher coefficients."""
+def _layout(stages: Stages) -> tuple[list[int], list[int], list[int], int]:
+    """The blocks of a method, their indices among those that differ from the start value, and the number of these.
+
+    Blocks with a nonzero row get an index. The third list has the numbers of coefficients of a product: those modulo a
+    power of z need no higher ones.
+    """
     size = stages.size
     blocks = stages.blocks or list(range(size + 1))
     live, degrees, moved = [], [], 0
@@ -246,7 +221,7 @@ def _layout(stages: Stages) -> Layout:
         moved += (last - first) * is_moved
         is_power = not any(stages.relation[first:last])
         degrees.append(last - first if is_power else 2 * (last - first) - 1)
-    return Layout(blocks, [moved if at < 0 else at for at in live], degrees, moved)
+    return blocks, [moved if at < 0 else at for at in live], degrees, moved
 
 
 def into_stages(
@@ -261,11 +236,11 @@ def into_stages(
     """The series of a method applied to `field`, or the field that gives the series `target`."""
     size, top, solve = len(table), table.offsets[-2], field is None
     _, row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
-    shape = _layout(stages)
+    blocks, live, degrees, moved = _layout(stages)
     field = arithmetic.zeros(size) if solve else field
     result = target if solve else arithmetic.zeros(size)
-    width, longest = arithmetic.width(table.max_order), max(shape.degrees)
-    kept = top * shape.moved
+    width, longest = arithmetic.width(table.max_order), max(degrees)
+    kept = top * moved
     rows, logs = (arithmetic.zeros(kept * int(width)) for _ in range(2))
     generators = arithmetic.zeros(kept)
     value, inner = (arithmetic.zeros(stages.size, wide=True) for _ in range(2))
@@ -277,8 +252,8 @@ def into_stages(
     for splits in table.split_chunks():
         run(
             splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top,
-            arithmetic.size(stages.size), arithmetic.sizes(shape.blocks), arithmetic.sizes(shape.live), relation,
-            arithmetic.sizes(shape.degrees), row_start, row_column, a, b, arithmetic.size(shape.moved), solve,
+            arithmetic.size(stages.size), arithmetic.sizes(blocks), arithmetic.sizes(live), relation,
+            arithmetic.sizes(degrees), row_start, row_column, a, b, arithmetic.size(moved), solve,
             _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, *negated, arithmetic.modulus, rows,
             logs, generators, field, result,
             value, inner, terms, log_terms,
@@ -357,10 +332,3 @@ def _extend(products: list[list[int]], n: int, parts: Sequence[int]) -> None:
     for m in range(1, n + 1):
         factors = (products[m - 1][n - k] * parts[k] for k in range(1, n + 1))
         products[m].append(math.lcm(*filter(None, factors)) if n >= m else 0)
-
-
-def refuse_beyond_memory_of_recursions(sizes: Sequence[int], colors: int) -> None:
-    """Refuse series that would not fit in memory, before their table is made; `sizes`: trees of each order."""
-    rows = (len(sizes) + 3) * sum(sizes[:-1])
-    needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
-    refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")

@@ -117,11 +117,7 @@ class Forest:
     def text(self, names: Iterable[str] | None = None) -> str:
         """The forest as text, which `Forest` reads back: its trees, ascending, with ``·`` between them; or ``∅``.
 
-        Args:
-            names: One name per colour; None for the default names.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        The argument and the errors are those of `Tree.text`.
 
         Example:
             >>> Forest("q·p[q]").text(), Forest("q·p[q]").text(["fast", "slow"])

@@ -283,13 +283,8 @@ class FormalSum:
     def text(self, names: Iterable[str] | None = None) -> str:
         """The sum as text, unique for each sum with rational coefficients.
 
-        Terms ascend, with ``·`` between trees and ``⊗`` between tensor factors.
-
-        Args:
-            names: One name per colour; None for the default names.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        Terms ascend, with ``·`` between trees and ``⊗`` between tensor factors. The argument and the errors are those
+        of `Tree.text`.
 
         Example:
             >>> FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
@@ -299,7 +294,7 @@ class FormalSum:
         return write_sum((c, "⊗".join([forest.text(common) for forest in factors])) for factors, c in self._sorted())
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The sum in LaTeX; the arguments are those of `text`.
+        r"""The sum in LaTeX; the argument is that of `text`.
 
         Example:
             >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
@@ -372,12 +367,7 @@ def _check_alike(argument: str, terms: Iterable[Factors]) -> None:
 
 
 def exact_coefficient(value: Any) -> Any:
-    """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression.
-
-    Example:
-        >>> exact_coefficient(Fraction(4, 2)), exact_coefficient(Fraction(1, 2))
-        (2, Fraction(1, 2))
-    """
+    """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression."""
     if type(value) is int:
         return value
     if isinstance(value, Rational) and not isinstance(value, bool):
@@ -396,12 +386,7 @@ def exact_coefficient(value: Any) -> Any:
 
 
 def write_sum(terms: Iterable[tuple[Any, str]], number: Callable[[Any], str] = str) -> str:
-    """The text of a sum of terms, given by coefficients and texts.
-
-    Example:
-        >>> write_sum([(-1, "x"), (2, "y"), (Fraction(-1, 2), "z")]), write_sum([])
-        ('-x + 2 y - 1/2 z', '0')
-    """
+    """The text of a sum of terms, given by coefficients and texts."""
     parts = []
     for coefficient, text in terms:
         scale = number(coefficient)
