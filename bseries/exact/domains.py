@@ -31,8 +31,9 @@ from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from bseries.exact import rationals as qq
 from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
-from bseries.exact.rationals import Operation, RationalValues, Values, evaluate, interpreted_seconds
+from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
@@ -291,10 +292,11 @@ def as_ring(values: Any) -> RingValues:
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
+    if first.kind != "ring" and not table.compiled:
+        by_order = first.kind == "rational" and qq.works_by_order(table, operation)
+        table.choose_kernels(qq.interpreted_seconds(table, operation) / (qq.BY_ORDER if by_order else 1))
     if first.kind == "rational":
-        return evaluate(table, operands, operation)
-    if first.kind == "float":
-        table.choose_kernels(interpreted_seconds(table, operation))
+        return qq.evaluate(table, operands, operation)
     arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "ring":

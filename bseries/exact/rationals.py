@@ -243,17 +243,11 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
     denominators = (1, *(operation.denominator(n, common) for n in range(1, table.max_order + 1)))
     step = operation.step(table.max_order, common)
 
-    by_order = False
-    if not table.compiled:
-        seconds = interpreted_seconds(table, operation)
-        by_order = operation.units % 2 == 1 and operation.integers is None and arrays_pay(seconds)
-        table.choose_kernels(seconds / (BY_ORDER if by_order else 1))
-
     def run(arithmetic: Exact) -> Any:
         return operation.expression(arithmetic, *(partial(source.load, table, arithmetic) for source in sources))
 
     has_bounds = table.max_order <= MOST_TERMS and max(source.terms for source in sources) <= MOST_STAGES
-    if has_bounds and (table.compiled or by_order):
+    if has_bounds and (table.compiled or works_by_order(table, operation)):
         integers = scaling = None
         if operation.units % 2:
             integers = operation.integers or arithmetics.wrapped_integers(twos(common))
@@ -298,6 +292,12 @@ def _scaling(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> S
 def interpreted_seconds(table: TreeTable, operation: Operation) -> float:
     """About the time of an operation on series in the interpreter."""
     return 4e-6 * table.max_order * len(table) * operation.passes
+
+
+def works_by_order(table: TreeTable, operation: Operation) -> bool:
+    """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
+    homogeneous = operation.units % 2 == 1 and operation.integers is None
+    return homogeneous and arrays_pay(interpreted_seconds(table, operation))
 
 
 def _integer(value: Any) -> int:
