@@ -31,7 +31,7 @@ from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from bseries.exact import rationals as qq
+from bseries.exact import rationals as rational_series
 from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
 from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
@@ -293,10 +293,11 @@ def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Va
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
     if first.kind != "ring" and not table.compiled:
-        by_order = first.kind == "rational" and qq.works_by_order(table, operation)
-        table.choose_kernels(qq.interpreted_seconds(table, operation) / (qq.BY_ORDER if by_order else 1))
+        by_order = first.kind == "rational" and rational_series.works_by_order(table, operation)
+        seconds = rational_series.interpreted_seconds(table, operation)
+        table.choose_kernels(seconds / (rational_series.BY_ORDER if by_order else 1))
     if first.kind == "rational":
-        return qq.evaluate(table, operands, operation)
+        return rational_series.evaluate(table, operands, operation)
     arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
     if first.kind == "ring":
