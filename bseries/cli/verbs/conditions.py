@@ -57,7 +57,7 @@ def conditions(
       bseries conditions partitioned --order 3 --format latex
       bseries conditions splitting --order 4 --symmetric --format json
     """
-    from bseries.conditions.generating import order_conditions
+    from bseries.conditions.listing import order_conditions
 
     if explicit and structure is not None:
         raise Refusal(f"structure must be left out where --explicit is given, but was {structure!r:.60}")

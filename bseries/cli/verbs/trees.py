@@ -36,7 +36,7 @@ def trees(order: int, colors: int, max_children: Any, count: bool, plot: PlotFil
       bseries trees --order 15 --format csv -o trees.csv
     """
     from trees import TreeTable, count_trees
-    from trees.listing import count_table
+    from trees.counting import count_table
 
     counts = count_trees(order, colors, max_children)
     if count:
