@@ -16,10 +16,10 @@ from bseries.figures.helpers import (
     scientific,
 )
 from bseries.figures.options import read_count, read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.random import Generator
@@ -83,34 +83,19 @@ class LennardJonesDrift(NamedTuple):
 
 
 def numbers(
-    *,
-    h: Any = 0.01,
-    members: Any = 400,
-    span: Any = 20_000,
-    seed: Any = 0,
-    checkpoint: str | None = None,
+    *, h: Any = 0.01, members: Any = 400, span: Any = 20_000, seed: Any = 0, checkpoint: str | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> LennardJonesDrift:
+) -> LennardJonesDrift:  # fmt: skip
     """An ensemble up to t = 20,000, which takes minutes; with a folder `checkpoint` it can be resumed."""
     h, members = read_number(h, "h", 0.002, 0.02), read_count(members, "members", 2, 100_000)
     atoms: Any = bs.scene("lennard-jones")
     steps = round(read_number(span, "span", 20, 1e6) / h)
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
     result = bs.ensemble(
-        SIMPLIFIED,
-        atoms,
-        h=h,
-        steps=steps,
-        sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
-        members=members,
-        seed=read_count(seed, "seed", 0, 2**63),
-        observe={"H": energy.observer(h)},
-        observe_every=max(1, steps // TIMES),
-        change="absolute",
-        keep=KEPT,
-        checkpoint=checkpoint,
-        progress=progress,
-    )
+        SIMPLIFIED, atoms, h=h, steps=steps, sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
+        members=members, seed=read_count(seed, "seed", 0, 2**63), observe={"H": energy.observer(h)},
+        observe_every=max(1, steps // TIMES), change="absolute", keep=KEPT, checkpoint=checkpoint, progress=progress,
+    )  # fmt: skip
     return LennardJonesDrift(members, h, result.t, result.mean["H"], result.std["H"], result.series["H"])
 
 
@@ -157,9 +142,8 @@ def caption(numbers: LennardJonesDrift) -> str:
 def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
     """Above trajectories with their mean and deviation, below the deviation in logarithmic scales."""
     above, below = figure.subplots(2, height_ratios=(1.5, 1))
-    label_panels(
-        (above, below), (f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$", "sizes")
-    )
+    drawn = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
+    label_panels((above, below), (drawn, "sizes"))
     _draw_trajectories(above, numbers)
     _draw_deviation(below, numbers)
 
@@ -181,10 +165,8 @@ def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
 def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
     """The deviation, the fitted √t and the mean in logarithmic scales."""
     rows = logarithmic_indices(len(numbers.t), SHOWN)
-    t, deviation, mean, error = (
-        values[rows] for values in (numbers.t, numbers.deviation, numbers.mean, numbers.standard_error)
-    )
-    axes.loglog(t, deviation, color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
+    t, mean, error = numbers.t[rows], numbers.mean[rows], numbers.standard_error[rows]
+    axes.loglog(t, numbers.deviation[rows], color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
     axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
     axes.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
     if numbers.members >= ENOUGH:
