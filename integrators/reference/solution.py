@@ -1,4 +1,10 @@
-"""Reference solutions to about 30 digits, with an error bound: Taylor series in double-double arithmetic."""
+"""Reference solutions with error bounds: to about 30 digits by Taylor series, in doubles from values of the field.
+
+Taylor series in double-double arithmetic need formulas. Values of the field suffice for the method of order 8 of
+Dormand and Prince, in doubles with compensated sums. Its steps are halved until the solution settles. The difference of
+the last two solutions bounds the error of the steps: where the field has kinks it shrinks slowly. That of rounding is
+seen from a solution whose steps and states are changed by as much.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +26,7 @@ from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from integrators.reference.taylor_program import TaylorProgram
+    from integrators.reference.taylor_series import TaylorProgram
 
 MAX_DIGITS = 31
 LARGEST = 10**300
@@ -35,12 +41,20 @@ CHECKS = 16
 PERTURBATION = 2.0**-104
 """Relative change of each variable of the first solution after each step, larger than rounding errors."""
 SAFETY = 4.0
+"""Factor of the bounds: differences of two solutions are estimates of their errors."""
 WORK = 3e8
 """Operations on coefficients in one call of compiled code: about a second, the delay of Ctrl-C."""
 MOST_WORK = 1e10
 """Total operations on coefficients in one of the two solutions: about half a minute."""
 LEAST_STEPS = 1000
 """Steps before their total is extrapolated: towards a singularity they shrink by a constant factor."""
+METHOD, MOST_DIGITS = "dop853", 15
+FIRST_STEPS, MOST_HALVINGS = 64, 14
+"""The number of steps of the first solution in doubles, if there are fewer times, and how often it is doubled."""
+STRETCH, NUDGE, NUDGES = 2.0**-52, 2.0**-51, 32
+"""Relative changes of the step size, and of the state at some times, that show the growth of rounding errors."""
+UNIT, SETTLED = 2.0**-53, 4.0
+"""The unit roundoff, and the difference of solutions in such units that more steps would not reduce."""
 
 
 class ReferenceSolution(NamedTuple):
@@ -138,13 +152,12 @@ def reference_solution(
     """
     scene = as_scene(scene)
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
-    from integrators.reference.double_double import split
-    from integrators.reference.taylor_program import taylor_program
+    from integrators.reference.taylor_series import split, taylor_program
 
     program = taylor_program(scene)
-    start, origin = read_start(scene, y0, t0)
-    times = read_times(t, origin)
-    checked, wanted = with_checks(times, origin)
+    start, origin = _read_start(scene, y0, t0)
+    times = _read_times(t, origin)
+    checked, wanted = _with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
     try:
         first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
@@ -182,18 +195,16 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
         >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
         0.176
     """
-    from integrators.reference import taylor_kernels as kernels
-    from integrators.reference.double_double import split
-    from integrators.reference.taylor_program import taylor_program
+    from integrators.reference import taylor_series as taylor
 
-    start, _ = read_start(scene, y0, None)
-    program, y = taylor_program(scene), np.array([split(x) for x in start])
-    order, times = order_for(digits), np.array([[span, 0.0]])
+    start, _ = _read_start(scene, y0, None)
+    program, y = taylor.taylor_program(scene), np.array([taylor.split(x) for x in start])
+    order, times = _order(digits), np.array([[span, 0.0]])
     series, state = _initial_series(program, y, times, order, 1.0)
-    status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))
-    while status == kernels.RUNNING and not state[0]:
-        _, status = kernels.advance(program, series, state, order, 0.0, 1, times, 0, values)
-    if status == kernels.STUCK and (shorter := abs(float(state[2]))):  # a step is sought from there
+    status, values = taylor.RUNNING, np.empty((program.dimension, 1, 3))
+    while status == taylor.RUNNING and not state[0]:
+        _, status = taylor.advance(program, series, state, order, 0.0, 1, times, 0, values)
+    if status == taylor.STUCK and (shorter := abs(float(state[2]))):  # a step is sought from there
         return first_step(scene, shorter, y0=y0, digits=digits)
     return float(state[0]) or span
 
@@ -216,21 +227,21 @@ def _solve(
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
     errors.
     """
-    from integrators.reference import taylor_kernels as kernels
+    from integrators.reference import taylor_series as taylor
 
-    order = order_for(digits)
+    order = _order(digits)
     series, state = _initial_series(program, y, times, order, first_unit)
     values = np.empty((program.dimension, len(times), 3))
     work = len(series) * order**2
     steps, most = max(1, int(WORK / work)), MOST_WORK / work
-    index, status, done = 0, kernels.RUNNING, 0
-    while status == kernels.RUNNING:
-        index, status = kernels.advance(program, series, state, order, perturbation, steps, times, index, values)
+    index, status, done = 0, taylor.RUNNING, 0
+    while status == taylor.RUNNING:
+        index, status = taylor.advance(program, series, state, order, perturbation, steps, times, index, values)
         done += steps
-        needed = done * (times[-1, 0] / state[0]) if status == kernels.RUNNING and done >= LEAST_STEPS else 0.0
+        needed = done * (times[-1, 0] / state[0]) if status == taylor.RUNNING and done >= LEAST_STEPS else 0.0
         if needed > most:
             raise TooManySteps(needed, most)
-    if status == kernels.STUCK:
+    if status == taylor.STUCK:
         raise Stuck(float(state[0]))
     return values
 
@@ -245,14 +256,14 @@ def _initial_series(
     return series, np.array([0.0, 0.0, copysign(ldexp(first_unit, frexp(span)[1]), span)])
 
 
-def order_for(digits: int) -> int:
+def _order(digits: int) -> int:
     """The order at which a step of radius/e² has the error 10^−digits (Jorba and Zou, 2005, section 3.2)."""
     return ceil(1 + digits * log(10) / 2)
 
 
 def _read_number(value: Any, argument: str) -> Fraction:
     """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
-    from integrators.reference.taylor_program import fraction_of
+    from integrators.reference.taylor_series import fraction_of
 
     if isinstance(value, str) or is_sympy(value):  # as in scenes: pi/2, cos(11/10)
         names = () if isinstance(value, str) else symbol_names([value])
@@ -267,7 +278,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     return number
 
 
-def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
     """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
@@ -289,7 +300,7 @@ def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction
     return start, start[clock]
 
 
-def read_times(t: Any, origin: Fraction) -> list[Fraction]:
+def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
     """The times, in one direction from the origin."""
     t = t.tolist() if hasattr(t, "tolist") else t
     single = isinstance(t, str) or not isinstance(t, Iterable)
@@ -305,7 +316,7 @@ def read_times(t: Any, origin: Fraction) -> list[Fraction]:
     return times
 
 
-def with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
+def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
     """The times with further ones before and between them, and the indices of the requested ones."""
     checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
     for before, after in pairwise([origin, *times]):
@@ -329,3 +340,96 @@ def _check_certain(
             f"t must end before {times[k]:.10g}, where {scene.variables[i]} is only known within "
             f"{solution.error[i, k]:.1g} (full=True gives it nevertheless), but reached to {times[-1]:.10g}"
         )
+
+
+def settled_solution(
+    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = MOST_DIGITS
+) -> ReferenceSolution:
+    """The solution of a scene in doubles with an error bound, from values of its field only.
+
+    `reference_solution` gives all digits, but needs formulas.
+
+    Args:
+        scene: The scene; its parameters must be numbers.
+        t: The times, in one direction from `t0`; a number counts as one time.
+        y0: The start, a number for each variable; by default that of the scene.
+        t0: The time of the start; by default the scene's variable t if it has one, else 0.
+        digits: Steps are halved until the difference of two solutions is below 10^−digits of the largest value of each
+            block; up to 15. It may stay larger, as the bound tells, where rounding errors grow or the field jumps.
+
+    Returns:
+        The solution; its `low` is zero.
+
+    Raises:
+        IntegratorError: An argument is invalid, or the solution ends before the last time.
+
+    Example:
+        >>> from integrators import scene_from_function
+        >>> def rate(y):
+        ...     return -y[0] if y[0] > 0 else 0.0
+        >>> found = settled_solution(scene_from_function(rate, [1]), [1])
+        >>> print(found.high[0, 0].round(12), bool(found.error.max() < 1e-14))
+        0.367879441171 True
+
+    References:
+        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.5 (the method).
+    """
+    scene = as_scene(scene)
+    digits = read_whole(digits, "digits", f"a whole number from 1 to {MOST_DIGITS}", 1, MOST_DIGITS)
+    start, origin = _read_start(scene, y0, t0)
+    times, wanted = _with_checks(_read_times(t, origin), origin)
+    high, error = _settled(scene, [*map(float, start)], float(origin), [*map(float, times)], digits)
+    return ReferenceSolution(high[:, wanted], np.zeros((len(high), len(wanted))), error[:, wanted])
+
+
+def _settled(
+    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], digits: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The solution at times in one direction from the origin, and bounds of its errors, both (variables, times)."""
+    from integrators.steppers.states import StepError
+
+    known: np.ndarray | None = None
+    found: tuple[np.ndarray, np.ndarray] | None = None
+    failed: StepError | None = None
+    for halving in range(MOST_HALVINGS + 1):
+        try:
+            values, nudged = (_solution(scene, y0, origin, times, halving, nudge) for nudge in (0, 1))
+        except StepError as error:
+            known, failed = None, error
+            continue
+        if known is not None:
+            of_steps, of_rounding = (np.maximum.accumulate(np.abs(values - x), axis=1) for x in (known, nudged))
+            blocks = ((b.dimension, np.abs(values[b.offset : b.end]).max()) for b in scene.blocks)
+            sizes = np.concatenate([np.full(size, largest) for size, largest in blocks])[:, None]
+            found = values, SAFETY * (of_steps + of_rounding + UNIT * np.abs(values))
+            least = max(10.0**-digits / SAFETY, SETTLED * UNIT) * np.maximum(sizes, np.finfo(float).tiny)
+            if (of_steps[:, -1:] <= np.maximum(SAFETY * of_rounding[:, -1:], least)).all():
+                break
+        known = values
+    if found is None:
+        raise IntegratorError(
+            f"t must end where {FIRST_STEPS << MOST_HALVINGS} steps of {METHOD} reach the solution of {scene.name}, "
+            f"but reached to {times[-1]:g}: {failed}"
+        ) from failed
+    return found
+
+
+def _solution(
+    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], halving: int, nudge: int
+) -> np.ndarray:
+    """The solution by whole numbers of steps between times, doubled for each halving, with or without a nudge."""
+    from integrators.steppers.stepping import stepper
+
+    made: Any = stepper(METHOD, scene)
+    y, values = np.array(y0, dtype=float), np.empty((len(y0), len(times)))
+    longest, random = abs(times[-1] - origin) / FIRST_STEPS, np.random.default_rng(1)
+    for k, (before, after) in enumerate(pairwise([origin, *times])):
+        if after != before:
+            count = ceil(abs(after - before) / longest) << halving
+            state = made.start(y, h=(after - before) / count * (1 + nudge * STRETCH), t0=before)
+            made.advance(state, count)
+            y = state.y
+        if k % ceil(len(times) / NUDGES) == 0:
+            y = y * (1 + nudge * NUDGE * random.choice([-1.0, 1.0], len(y)))
+        values[:, k] = y
+    return values

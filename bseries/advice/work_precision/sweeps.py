@@ -26,11 +26,10 @@ from bseries.advice.measures import (
 )
 from bseries.advice.timing import Timing, Work, step_costs
 from bseries.advice.work_precision.candidates import Candidate
-from integrators.bindings.scipy_bridge import right_hand_side
 from integrators.core.errors import IntegratorError
-from integrators.reference.halved_steps import settled_solution
-from integrators.reference.solution import ReferenceSolution, reference_solution
+from integrators.reference.solution import ReferenceSolution, reference_solution, settled_solution
 from integrators.runs.integration import integrate
+from integrators.runs.scipy_solvers import right_hand_side
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
