@@ -343,6 +343,11 @@ BIAS = 2.0**-6
 INVERSES = np.array([split(Fraction(1, max(n, 1))) for n in range(64)])
 
 
+SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG, ERF = range(
+    FUNCTION, FUNCTION + len(ELEMENTARY)
+)
+
+
 @inlined
 def convolution(series: Any, x: int, y: int, first: int, end: int, k: int) -> DoubleDouble:
     """Σ_{first ≤ j < end} x_j y_{k−j}: the high parts exactly, the rest in doubles."""
@@ -407,29 +412,45 @@ def function(series: Any, u: int, derivative: int, k: int) -> DoubleDouble:
     return multiply(total, (INVERSES[k, 0], INVERSES[k, 1]))
 
 
-def _value(functions: list[tuple[int, Any]]) -> Any:
-    """A compiled function of u and a kind, which is that of one of these functions."""
-    (kind, f), *others = functions
-    if not others:
-        return strict(lambda u, _: f(u))
-    rest = _value(others)
-    return strict(lambda u, wanted: f(u) if wanted == kind else rest(u, wanted))
-
-
-elementary = _value([(FUNCTION + k, getattr(double_double, name)) for k, name in enumerate(ELEMENTARY)])
-
-
 @strict
 def first_of_function(u: DoubleDouble, kind: int, numerator: int, denominator: int) -> DoubleDouble:
     """u^(a/b), or f(u)."""
-    if kind != POWER:
-        return elementary(u, kind)
-    if denominator == 1:
-        return integer_power(u, numerator)
-    if denominator == 2:
-        return integer_power(square_root(u), numerator)
-    exponent = divide((float(numerator), 0.0), (float(denominator), 0.0))
-    return double_double.exp(multiply(exponent, double_double.log(u)))
+    if kind == POWER:
+        if denominator == 1:
+            return integer_power(u, numerator)
+        if denominator == 2:
+            return integer_power(square_root(u), numerator)
+        exponent = divide((float(numerator), 0.0), (float(denominator), 0.0))
+        return double_double.exp(multiply(exponent, double_double.log(u)))
+    if kind == SIN:
+        return double_double.sin(u)
+    if kind == COS:
+        return double_double.cos(u)
+    if kind == TAN:
+        return double_double.tan(u)
+    if kind == ASIN:
+        return double_double.asin(u)
+    if kind == ACOS:
+        return double_double.acos(u)
+    if kind == ATAN:
+        return double_double.atan(u)
+    if kind == SINH:
+        return double_double.sinh(u)
+    if kind == COSH:
+        return double_double.cosh(u)
+    if kind == TANH:
+        return double_double.tanh(u)
+    if kind == ASINH:
+        return double_double.asinh(u)
+    if kind == ACOSH:
+        return double_double.acosh(u)
+    if kind == ATANH:
+        return double_double.atanh(u)
+    if kind == EXP:
+        return double_double.exp(u)
+    if kind == LOG:
+        return double_double.log(u)
+    return double_double.erf(u)
 
 
 @strict
