@@ -37,13 +37,13 @@ from .methods.tableaux.partitioned import PartitionedRungeKutta as PartitionedRu
 from .methods.tableaux.runge_kutta import RungeKutta as RungeKutta
 from .methods.tableaux.runge_kutta import TableauWarning as TableauWarning
 from .methods.tableaux.stage_algebra import StageAlgebra as StageAlgebra
+from .reference.halved_steps import settled_solution as settled_solution
 from .reference.solution import ReferenceSolution as ReferenceSolution
 from .reference.solution import reference_solution as reference_solution
-from .reference.solution import settled_solution as settled_solution
 from .runs.ensemble_results import EnsembleResult as EnsembleResult
 from .runs.ensemble_results import load_ensemble as load_ensemble
+from .runs.ensembles import cluster_executor as cluster_executor
 from .runs.ensembles import ensemble as ensemble
-from .runs.executors import cluster_executor as cluster_executor
 from .runs.integration import integrate as integrate
 from .runs.random_starts import perturbed_start as perturbed_start
 from .runs.random_starts import thermal_momenta as thermal_momenta

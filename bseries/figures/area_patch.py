@@ -76,7 +76,12 @@ def numbers(
     elif y0 is None and place.start is None:
         raise SeriesError(f"y0 must be given for {place.name}, which has no start, but was not")
     centre = read_start(place.y0 if y0 is None else y0, place)
-    outline = _outline(centre, read_number(size, "size", 1e-3, 100))
+    right = np.array(TREE, dtype=float)
+    corners = np.vstack([right, [-1, 1] * right[-2:0:-1], right[:1]])
+    corners *= read_number(size, "size", 1e-3, 100) / TREE_HEIGHT
+    places = np.linspace(0, len(corners) - 1, SIDE * (len(corners) - 1) + 1)
+    across, up = (np.interp(places, range(len(corners)), column) for column in corners.T)
+    outline = np.array([centre[0] + up, centre[1] + across])
     flows = [(truncated_scene(method, place, terms, h), method) for method in chosen]
     exact = carry(FLOW, place, outline, h / FINE, count * FINE)
     carried = tuple(
@@ -85,15 +90,6 @@ def numbers(
     )
     t = np.arange(count + 1) * h
     return AreaPatch(place, h, centre, terms, t, np.linspace(0, t[-1], count * FINE + 1), exact, carried)
-
-
-def _outline(centre: tuple[float, ...], height: float) -> np.ndarray:
-    """Points around a fir tree in the plane of the second variable and the first one, (2, points)."""
-    right = np.array(TREE, dtype=float)
-    corners = np.vstack([right, [-1, 1] * right[-2:0:-1], right[:1]]) * (height / TREE_HEIGHT)
-    places = np.linspace(0, len(corners) - 1, SIDE * (len(corners) - 1) + 1)
-    across, up = (np.interp(places, range(len(corners)), column) for column in corners.T)
-    return np.array([centre[0] + up, centre[1] + across])
 
 
 def carry(method: Method | str, scene: Scene, points: np.ndarray, h: float, count: int) -> np.ndarray:

@@ -55,28 +55,24 @@ class EnergyError(NamedTuple):
 
 def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: Any = 200) -> EnergyError:
     """Runs of both methods; the pendulum from (p, q) = (2.5, 0) rotates."""
+    import sympy
+
+    from bseries.hamiltonians.drift.orbits import closed_orbit
+
     h, span = read_number(h, "h", 0.0005, 0.5), read_number(span, "span", 10, 1e5)
     chosen, pendulum = read_methods(methods, 2), bs.scene("pendulum")
     start, steps = read_start(y0, pendulum), round(span / h)
     if steps > MOST_STEPS:
         raise SeriesError(f"span/h must be at most {MOST_STEPS:,} steps, but was {steps:,}")
-    orbit, stored = _orbit(pendulum, start), {"observe": "energy", "observe_every": 1, "save_every": None}
+    period = float(closed_orbit(pendulum, start, {1: 2 * sympy.pi}).period)  # until it turns back or over
+    if not period:
+        raise SeriesError(f"y0 must not be an equilibrium, but was {start}")
+    orbit = bs.integrate(FLOW, pendulum, h=period / POINTS, steps=POINTS, y0=start).y
+    stored: dict[str, Any] = {"observe": "energy", "observe_every": 1, "save_every": None}
     runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=start, **stored) for method in chosen]
     errors = [run.observed["energy"] - run.observed["energy"][0] for run in runs]
     found = (_prediction(method, pendulum, h, orbit, error) for method, error in zip(chosen, errors, strict=True))
     return EnergyError(h, start, runs[0].observed_t, tuple(found))
-
-
-def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
-    """Points of the exact solution over the time in which it turns back or over, (2, points)."""
-    import sympy
-
-    from bseries.hamiltonians.drift.orbits import closed_orbit
-
-    period = float(closed_orbit(scene, start, {1: 2 * sympy.pi}).period)
-    if not period:
-        raise SeriesError(f"y0 must not be an equilibrium, but was {start}")
-    return bs.integrate(FLOW, scene, h=period / POINTS, steps=POINTS, y0=start).y
 
 
 def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, errors: np.ndarray) -> Energy:

@@ -20,7 +20,6 @@ from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.random import Generator
 
@@ -144,32 +143,22 @@ def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
     above, below = figure.subplots(2, height_ratios=(1.5, 1))
     drawn = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
     label_panels((above, below), (drawn, "sizes"))
-    _draw_trajectories(above, numbers)
-    _draw_deviation(below, numbers)
-
-
-def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
-    """Single trajectories, the mean, the deviation and the fitted √t."""
     t, fit = numbers.t, numbers.coefficient * numbers.t**0.5
     for k, errors in enumerate(numbers.single):
-        axes.plot(t, errors, color=SKY, linewidth=0.5, label=None if k else "trajectories")
+        above.plot(t, errors, color=SKY, linewidth=0.5, label=None if k else "trajectories")
     for sign, label in ((1, r"$\pm s$"), (-1, None)):
-        axes.plot(t, sign * numbers.deviation, color=BLUE, label=label)
-        axes.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
-    axes.plot(t, numbers.mean, color=BLACK, label="mean")
-    axes.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
-    axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.16, 0.98), ncols=4, borderaxespad=0)
-
-
-def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
-    """The deviation, the fitted √t and the mean in logarithmic scales."""
+        above.plot(t, sign * numbers.deviation, color=BLUE, label=label)
+        above.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
+    above.plot(t, numbers.mean, color=BLACK, label="mean")
+    above.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
+    above.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    above.legend(loc="lower left", bbox_to_anchor=(0.16, 0.98), ncols=4, borderaxespad=0)
     rows = logarithmic_indices(len(numbers.t), SHOWN)
     t, mean, error = numbers.t[rows], numbers.mean[rows], numbers.standard_error[rows]
-    axes.loglog(t, numbers.deviation[rows], color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
-    axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
-    axes.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
+    below.loglog(t, numbers.deviation[rows], color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
+    below.loglog(t, fit[rows], "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
+    below.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
     if numbers.members >= ENOUGH:
-        axes.loglog(t, 3 * error, ":", color=BLACK, label="3 standard errors")
-    axes.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
-    axes.legend(loc="upper left", ncols=2)
+        below.loglog(t, 3 * error, ":", color=BLACK, label="3 standard errors")
+    below.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
+    below.legend(loc="upper left", ncols=2)

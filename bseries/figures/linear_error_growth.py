@@ -181,23 +181,18 @@ def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
     panels = figure.subplot_mosaic([["a", "a"], ["b", "c"]], height_ratios=(1.15, 1))
     diagram, left, right = panels.values()
     label_panels(panels.values(), ("idea of the proof", "solutions", "actions"))
-    _draw_diagram(diagram)
+    diagram.set(xlim=(0, 1), ylim=(-0.05, 1))
+    diagram.axis("off")
+    boxed = {"boxstyle": "round,pad=0.5", "facecolor": WHITE, "edgecolor": BLACK, "linewidth": 0.7}
+    for (x, y), text in BOXES:
+        diagram.text(x, y, text, ha="center", va="center", bbox=boxed, linespacing=1.5)
+    for start, end, text, (x, y) in ARROWS:
+        diagram.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "facecolor": BLACK})
+        diagram.text(x, y, text, ha="center", va="center", fontsize=7.5, linespacing=1.4)
     _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "after")
     _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "actions $b$ after")
     left.set_ylabel("largest error so far")
     right.set_ylabel("largest change so far")
-
-
-def _draw_diagram(axes: Axes) -> None:
-    """Boxes for the systems, and arrows for the steps between them."""
-    axes.set(xlim=(0, 1), ylim=(-0.05, 1))
-    axes.axis("off")
-    boxed = {"boxstyle": "round,pad=0.5", "facecolor": WHITE, "edgecolor": BLACK, "linewidth": 0.7}
-    for (x, y), text in BOXES:
-        axes.text(x, y, text, ha="center", va="center", bbox=boxed, linespacing=1.5)
-    for start, end, text, (x, y) in ARROWS:
-        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "facecolor": BLACK})
-        axes.text(x, y, text, ha="center", va="center", fontsize=7.5, linespacing=1.4)
 
 
 def _draw_curves(

@@ -1,10 +1,4 @@
-"""Reference solutions with error bounds: to about 30 digits by Taylor series, in doubles from values of the field.
-
-Taylor series in double-double arithmetic need formulas. Values of the field suffice for the method of order 8 of
-Dormand and Prince, in doubles with compensated sums. Its steps are halved until the solution settles. The difference of
-the last two solutions bounds the error of the steps: where the field has kinks it shrinks slowly. That of rounding is
-seen from a solution whose steps and states are changed by as much.
-"""
+"""Reference solutions to about 30 digits, with an error bound: Taylor series in double-double arithmetic."""
 
 from __future__ import annotations
 
@@ -48,13 +42,6 @@ MOST_WORK = 1e10
 """Total operations on coefficients in one of the two solutions: about half a minute."""
 LEAST_STEPS = 1000
 """Steps before their total is extrapolated: towards a singularity they shrink by a constant factor."""
-METHOD, MOST_DIGITS = "dop853", 15
-FIRST_STEPS, MOST_HALVINGS = 64, 14
-"""The number of steps of the first solution in doubles, if there are fewer times, and how often it is doubled."""
-STRETCH, NUDGE, NUDGES = 2.0**-52, 2.0**-51, 32
-"""Relative changes of the step size, and of the state at some times, that show the growth of rounding errors."""
-UNIT, SETTLED = 2.0**-53, 4.0
-"""The unit roundoff, and the difference of solutions in such units that more steps would not reduce."""
 
 
 class ReferenceSolution(NamedTuple):
@@ -155,25 +142,13 @@ def reference_solution(
     from integrators.reference.taylor_series import split, taylor_program
 
     program = taylor_program(scene)
-    start, origin = _read_start(scene, y0, t0)
-    times = _read_times(t, origin)
-    checked, wanted = _with_checks(times, origin)
+    start, origin = read_start(scene, y0, t0)
+    times = read_times(t, origin)
+    checked, wanted = with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
-    try:
-        first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
-        second = _solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0)
-    except Stuck as stuck:
-        end = float(origin) + stuck.args[0]
-        raise IntegratorError(
-            f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
-            f"but reached to {float(times[-1]):.10g}"
-        ) from None
-    except TooManySteps as refused:
-        needed, most = refused.args
-        raise IntegratorError(
-            f"t must end sooner, as the steps of {scene.name} are so short that {float(times[-1]):.10g} would take "
-            f"about {needed:.1e} of them, and at most {most:.1e} are allowed"
-        ) from None
+    about = scene.name, float(origin), float(times[-1])
+    first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION, about)
+    second = _solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0, about)
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
     error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), PERTURBATION) * second[..., 2]
@@ -197,7 +172,7 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     """
     from integrators.reference import taylor_series as taylor
 
-    start, _ = _read_start(scene, y0, None)
+    start, _ = read_start(scene, y0, None)
     program, y = taylor.taylor_program(scene), np.array([taylor.split(x) for x in start])
     order, times = _order(digits), np.array([[span, 0.0]])
     series, state = _initial_series(program, y, times, order, 1.0)
@@ -209,29 +184,22 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     return float(state[0]) or span
 
 
-class Stuck(Exception):
-    """No step is possible; the argument is the time since the start."""
-
-
-class TooManySteps(Exception):
-    """Steps are too short; the arguments are their approximate number, and the number allowed."""
-
-
 def _solve(
-    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float
-) -> np.ndarray:
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float,
+    about: tuple[str, float, float],
+) -> np.ndarray:  # fmt: skip
     """The solution at times since the start, which have one sign and increase in size, and the size of each variable.
 
     Numbers are double-double; the size is the sum of the absolute terms of the series around each time. The error of a
     step is below 10^−digits of each variable, apart from rounding. `perturbation` is a relative change of each variable
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
-    errors.
+    errors. `about` is the name of the scene, the time of the start, and the last time, for messages.
     """
     from integrators.reference import taylor_series as taylor
 
     order = _order(digits)
     series, state = _initial_series(program, y, times, order, first_unit)
-    values = np.empty((program.dimension, len(times), 3))
+    values, (name, origin, end) = np.empty((program.dimension, len(times), 3)), about
     work = len(series) * order**2
     steps, most = max(1, int(WORK / work)), MOST_WORK / work
     index, status, done = 0, taylor.RUNNING, 0
@@ -240,9 +208,15 @@ def _solve(
         done += steps
         needed = done * (times[-1, 0] / state[0]) if status == taylor.RUNNING and done >= LEAST_STEPS else 0.0
         if needed > most:
-            raise TooManySteps(needed, most)
+            raise IntegratorError(
+                f"t must end sooner, as the steps of {name} are so short that {end:.10g} would take about {needed:.1e} "
+                f"of them, and at most {most:.1e} are allowed"
+            )
     if status == taylor.STUCK:
-        raise Stuck(float(state[0]))
+        raise IntegratorError(
+            f"t must end before {origin + float(state[0]):.10g}, beyond which the solution of {name} could not be "
+            f"continued, but reached to {end:.10g}"
+        )
     return values
 
 
@@ -278,7 +252,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     return number
 
 
-def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
     """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
@@ -300,7 +274,7 @@ def _read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fractio
     return start, start[clock]
 
 
-def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
+def read_times(t: Any, origin: Fraction) -> list[Fraction]:
     """The times, in one direction from the origin."""
     t = t.tolist() if hasattr(t, "tolist") else t
     single = isinstance(t, str) or not isinstance(t, Iterable)
@@ -316,7 +290,7 @@ def _read_times(t: Any, origin: Fraction) -> list[Fraction]:
     return times
 
 
-def _with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
+def with_checks(times: list[Fraction], origin: Fraction) -> tuple[list[Fraction], list[int]]:
     """The times with further ones before and between them, and the indices of the requested ones."""
     checked, wanted, later = list[Fraction](), list[int](), -(-CHECKS // len(times))
     for before, after in pairwise([origin, *times]):
@@ -340,96 +314,3 @@ def _check_certain(
             f"t must end before {times[k]:.10g}, where {scene.variables[i]} is only known within "
             f"{solution.error[i, k]:.1g} (full=True gives it nevertheless), but reached to {times[-1]:.10g}"
         )
-
-
-def settled_solution(
-    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = MOST_DIGITS
-) -> ReferenceSolution:
-    """The solution of a scene in doubles with an error bound, from values of its field only.
-
-    `reference_solution` gives all digits, but needs formulas.
-
-    Args:
-        scene: The scene; its parameters must be numbers.
-        t: The times, in one direction from `t0`; a number counts as one time.
-        y0: The start, a number for each variable; by default that of the scene.
-        t0: The time of the start; by default the scene's variable t if it has one, else 0.
-        digits: Steps are halved until the difference of two solutions is below 10^−digits of the largest value of each
-            block; up to 15. It may stay larger, as the bound tells, where rounding errors grow or the field jumps.
-
-    Returns:
-        The solution; its `low` is zero.
-
-    Raises:
-        IntegratorError: An argument is invalid, or the solution ends before the last time.
-
-    Example:
-        >>> from integrators import scene_from_function
-        >>> def rate(y):
-        ...     return -y[0] if y[0] > 0 else 0.0
-        >>> found = settled_solution(scene_from_function(rate, [1]), [1])
-        >>> print(found.high[0, 0].round(12), bool(found.error.max() < 1e-14))
-        0.367879441171 True
-
-    References:
-        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.5 (the method).
-    """
-    scene = as_scene(scene)
-    digits = read_whole(digits, "digits", f"a whole number from 1 to {MOST_DIGITS}", 1, MOST_DIGITS)
-    start, origin = _read_start(scene, y0, t0)
-    times, wanted = _with_checks(_read_times(t, origin), origin)
-    high, error = _settled(scene, [*map(float, start)], float(origin), [*map(float, times)], digits)
-    return ReferenceSolution(high[:, wanted], np.zeros((len(high), len(wanted))), error[:, wanted])
-
-
-def _settled(
-    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], digits: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The solution at times in one direction from the origin, and bounds of its errors, both (variables, times)."""
-    from integrators.steppers.states import StepError
-
-    known: np.ndarray | None = None
-    found: tuple[np.ndarray, np.ndarray] | None = None
-    failed: StepError | None = None
-    for halving in range(MOST_HALVINGS + 1):
-        try:
-            values, nudged = (_solution(scene, y0, origin, times, halving, nudge) for nudge in (0, 1))
-        except StepError as error:
-            known, failed = None, error
-            continue
-        if known is not None:
-            of_steps, of_rounding = (np.maximum.accumulate(np.abs(values - x), axis=1) for x in (known, nudged))
-            blocks = ((b.dimension, np.abs(values[b.offset : b.end]).max()) for b in scene.blocks)
-            sizes = np.concatenate([np.full(size, largest) for size, largest in blocks])[:, None]
-            found = values, SAFETY * (of_steps + of_rounding + UNIT * np.abs(values))
-            least = max(10.0**-digits / SAFETY, SETTLED * UNIT) * np.maximum(sizes, np.finfo(float).tiny)
-            if (of_steps[:, -1:] <= np.maximum(SAFETY * of_rounding[:, -1:], least)).all():
-                break
-        known = values
-    if found is None:
-        raise IntegratorError(
-            f"t must end where {FIRST_STEPS << MOST_HALVINGS} steps of {METHOD} reach the solution of {scene.name}, "
-            f"but reached to {times[-1]:g}: {failed}"
-        ) from failed
-    return found
-
-
-def _solution(
-    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], halving: int, nudge: int
-) -> np.ndarray:
-    """The solution by whole numbers of steps between times, doubled for each halving, with or without a nudge."""
-    from integrators.steppers.stepping import stepper
-
-    made: Any = stepper(METHOD, scene)
-    y, values = np.array(y0, dtype=float), np.empty((len(y0), len(times)))
-    longest, random = abs(times[-1] - origin) / FIRST_STEPS, np.random.default_rng(1)
-    for k, (before, after) in enumerate(pairwise([origin, *times])):
-        if after != before:
-            count = ceil(abs(after - before) / longest) << halving
-            state = made.start(y, h=(after - before) / count * (1 + nudge * STRETCH), t0=before)
-            made.advance(state, count)
-            y = state.y
-        if k % ceil(len(times) / NUDGES) == 0:
-            y = y * (1 + nudge * NUDGE * random.choice([-1.0, 1.0], len(y)))
-        values[:, k] = y
-    return values

@@ -99,8 +99,7 @@ def simulate_ensemble(
 ) -> Table:
     """Run an ensemble, store it if a file is given, and summarise it."""
     from bseries.scene_text import head, place
-    from integrators.runs.ensembles import ensemble
-    from integrators.runs.executors import cluster_executor
+    from integrators.runs.ensembles import cluster_executor, ensemble
 
     def expect(cost: float | None) -> Prediction:
         from bseries.advice.predictions.prediction import time_only

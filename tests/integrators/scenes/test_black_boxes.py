@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 import bseries as bs
 from integrators.compile.black_boxes import dispatcher_of
-from integrators.reference.solution import settled_solution
+from integrators.reference.halved_steps import settled_solution
 from integrators.scenes.functions import scene_from_function
 
 
