@@ -1,7 +1,5 @@
 from . import methods as methods
 from . import runs as runs
-from .bindings.scipy_bridge import right_hand_side as right_hand_side
-from .bindings.scipy_bridge import scipy_solver as scipy_solver
 from .core.errors import IntegratorError as IntegratorError
 from .methods.catalogue.registry import MethodEntry as MethodEntry
 from .methods.catalogue.registry import catalogue as catalogue
@@ -44,11 +42,13 @@ from .reference.solution import ReferenceSolution as ReferenceSolution
 from .reference.solution import reference_solution as reference_solution
 from .runs.ensemble_results import EnsembleResult as EnsembleResult
 from .runs.ensemble_results import load_ensemble as load_ensemble
+from .runs.ensembles import cluster_executor as cluster_executor
 from .runs.ensembles import ensemble as ensemble
-from .runs.executors import cluster_executor as cluster_executor
 from .runs.integration import integrate as integrate
 from .runs.random_starts import perturbed_start as perturbed_start
 from .runs.random_starts import thermal_momenta as thermal_momenta
+from .runs.scipy_solvers import right_hand_side as right_hand_side
+from .runs.scipy_solvers import scipy_solver as scipy_solver
 from .runs.trajectory import Trajectory as Trajectory
 from .runs.trajectory import load_trajectory as load_trajectory
 from .scenes.catalogue.registry import SceneEntry as SceneEntry

@@ -24,7 +24,7 @@ from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
 from integrators import IntegratorError
-from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.reference.plain_steps import Arithmetic
 
 if TYPE_CHECKING:
     from bseries.fields.scene_trees import SeriesOnScene

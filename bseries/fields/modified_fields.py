@@ -436,8 +436,7 @@ def modifying_steps(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    from integrators.reference.arbitrary_precision import Arithmetic
-    from integrators.reference.plain_steps import block_parts, plain_steps
+    from integrators.reference.plain_steps import Arithmetic, block_parts, plain_steps
 
     method, scene = as_method(method), as_scene(scene)
     f = modifying_field(method, scene, order, parts=parts)

@@ -39,7 +39,7 @@ from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
-from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.reference.plain_steps import Arithmetic
 from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene

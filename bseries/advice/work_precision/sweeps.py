@@ -28,13 +28,13 @@ from bseries.advice.measures import (
 )
 from bseries.advice.timing import Timing, Work, step_costs
 from bseries.algebra.stages import check_method
-from integrators.bindings.scipy_bridge import right_hand_side
 from integrators.core.errors import IntegratorError, shorten
 from integrators.methods.catalogue.registry import RECOMMENDED, catalogue, method
 from integrators.methods.programs.program import Method
 from integrators.reference.halved_steps import settled_solution
 from integrators.reference.solution import reference_solution
 from integrators.runs.integration import integrate
+from integrators.runs.scipy_solvers import right_hand_side
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper

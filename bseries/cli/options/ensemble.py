@@ -95,8 +95,7 @@ def simulate_ensemble(
 ) -> Table:
     """Run an ensemble, store it if a file is given, and summarise it."""
     from bseries.scene_text import head, place
-    from integrators.runs.ensembles import ensemble
-    from integrators.runs.executors import cluster_executor
+    from integrators.runs.ensembles import cluster_executor, ensemble
     from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
     def expect(cost: float | None) -> Prediction:

@@ -111,7 +111,6 @@ def _draw_one(
 ) -> None:
     """One figure."""
     from bseries.figures import registry
-    from bseries.figures.animations import check_animation
     from bseries.picture_files import check_place, picture_format
 
     file = registry.figure_file(name)
@@ -123,7 +122,7 @@ def _draw_one(
             check_place(str(place), argument)
     if animate is not None:
         registry.check_moving(file)
-        check_animation(animate)
+        registry.check_animation(animate)
     numbers = _make(file, _options(file, name, settings), path, format_, data, progress.update)
     if animate is not None:
         registry.animate(file, numbers, animate, progress=progress.update)
