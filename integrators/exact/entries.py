@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import sympy
 
 Entry: TypeAlias = "Fraction | float | sympy.Expr"
+EntryRow: TypeAlias = tuple[Entry, ...]
+Matrix: TypeAlias = tuple[EntryRow, ...]
 FLOAT_PRECISION = 2.0**-50
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 

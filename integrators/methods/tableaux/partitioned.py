@@ -12,10 +12,10 @@ from foundation.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import errors_from
+from integrators.methods.programs.builder import in_color_order
 from integrators.methods.programs.program import Method, Program
 from integrators.methods.tableaux.presentation import tableau_picture, tableau_table
 from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
-from integrators.methods.tableaux.tableau_input import in_color_order
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, ascending."""
