@@ -54,14 +54,14 @@ from .runs.trajectory import load_trajectory as load_trajectory
 from .scenes.catalogue.registry import SceneEntry as SceneEntry
 from .scenes.catalogue.registry import scene as scene
 from .scenes.catalogue.registry import scene_catalogue as scene_catalogue
-from .scenes.files import load_scene as load_scene
-from .scenes.files import save_scene as save_scene
 from .scenes.functions import scene_from_function as scene_from_function
 from .scenes.model.terms import Effect as Effect
 from .scenes.model.terms import Term as Term
 from .scenes.scene import Scene as Scene
+from .scenes.text import load_scene as load_scene
 from .scenes.text import parse_hamiltonian as parse_hamiltonian
 from .scenes.text import parse_scene as parse_scene
+from .scenes.text import save_scene as save_scene
 from .steppers.states import State as State
 from .steppers.states import StepError as StepError
 from .steppers.stepping import Stepper as Stepper

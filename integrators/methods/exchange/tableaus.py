@@ -17,7 +17,7 @@ from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
 from integrators.methods.exchange.formats import FORMATS, Entries, Format
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
-from integrators.methods.tableaux.weights import order_of_difference, order_of_weights
+from integrators.methods.tableaux.weights import order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
@@ -188,6 +188,6 @@ def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
 
     def found_orders(method: RungeKutta, kind: Any) -> list[int]:
         A, b, *rows = (np.array(values, dtype=kind) for values in (method.A, method.b, *method.embedded))
-        return [order_of_weights(A, b), *(order_of_difference(A, row - b) for row in rows)]
+        return [order_of_weights(A, b), *(order_of_weights(A, row - b, 0) for row in rows)]
 
     return found_orders(exact, object) == found_orders(decimals.to_float(), float)

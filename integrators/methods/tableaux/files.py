@@ -61,27 +61,24 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
     text, label = read_text(source)
     if format is None:
         format = _suffix(label) or ("json" if text.lstrip().startswith("{") else "toml")
-    method = _read(text, format, label)
+    method = loads_method(text, format, source=label, warn=False)
     emit(method.issues)
     return method
 
 
-def loads_method(text: str, format: str, *, source: str = "text") -> Method:
+def loads_method(text: str, format: str, *, source: str = "text", warn: bool = True) -> Method:
     """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`.
 
     Example:
         >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
         ((Fraction(1, 10),),)
     """
-    method = _read(text, format, source)
-    emit(method.issues)
-    return method
-
-
-def _read(text: str, format: str, source: str) -> Method:
     parse = {"json": parse_json, "toml": parse_toml}[_checked_format(format)]
     with errors_from(source):
-        return _read_method(parse(text))
+        method = _read_method(parse(text))
+    if warn:
+        emit(method.issues)
+    return method
 
 
 def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:
@@ -166,9 +163,7 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
     if "algebra" in data:
         check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
         return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
-    for key in ("A", "b"):
-        if key not in data:
-            raise IntegratorError(f"content must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
+    _require_keys(data, ("A", "b"), "content")
     if data.get("domain", "float") != "float":
         raise IntegratorError(f"domain must be float or left out, but was {shown(data['domain'])}")
     rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
@@ -184,6 +179,12 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
     return method.to_float() if "domain" in data else method
 
 
+def _require_keys(data: Any, keys: Iterable[str], argument: str) -> None:
+    for key in keys:
+        if key not in data:
+            raise IntegratorError(f"{argument} must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
+
+
 def _as_floats(value: Any) -> Any:
     """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
@@ -194,9 +195,7 @@ def _as_floats(value: Any) -> Any:
 
 def _read_algebra(data: Any) -> StageAlgebra:
     check_keys(data, ("polynomial", "A", "b"), "algebra")
-    for key in ("polynomial", "A", "b"):
-        if key not in data:
-            raise IntegratorError(f"algebra must have the key {key}, but had {', '.join(data) or 'none'}")
+    _require_keys(data, ("polynomial", "A", "b"), "algebra")
     rows = [items(row, f"row {i} of algebra.A") for i, row in enumerate(items(data["A"], "algebra.A"), 1)]
     polynomial, b = (items(data[key], f"algebra.{key}") for key in ("polynomial", "b"))
     read = [[read_entry(value, "an entry of algebra") for value in row] for row in (polynomial, b, *rows)]

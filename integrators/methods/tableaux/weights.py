@@ -67,24 +67,16 @@ def weight_conditions(A: Array) -> Iterator[Conditions]:
         largest.append(np.repeat(np.arange(len(trees)), before))
 
 
-def order_of_weights(A: Array, weights: Array) -> int:
-    """The order of the weights, at most `MAX_ORDER`; in doubles up to rounding.
+def order_of_weights(A: Array, weights: Array, factor: int = 1) -> int:
+    """The largest order ≤ `MAX_ORDER` up to which weights·Φ = factor/γ for all trees; in doubles up to rounding.
+
+    With the factor 0, for the difference of two rows of weights: the k for which their results differ by O(h^(k+1)).
 
     Example:
         >>> import numpy as np
         >>> order_of_weights(np.array([[0, 0], [1, 0.0]]), np.array([0.5, 0.5]))
         2
     """
-    return _orders_without_residual(A, weights, 1)
-
-
-def order_of_difference(A: Array, difference: Array) -> int:
-    """The largest k ≤ `MAX_ORDER` for which the results of two rows of weights differ by O(h^(k+1))."""
-    return _orders_without_residual(A, difference, 0)
-
-
-def _orders_without_residual(A: Array, weights: Array, factor: int) -> int:
-    """The largest order up to which weights·Φ = factor/γ for all trees."""
     tolerance = 0 if A.dtype == object else ROUNDING
     for k, (vectors, values) in enumerate(islice(weight_conditions(A), MAX_ORDER)):
         size = abs(vectors) @ abs(weights) + factor * values
@@ -145,7 +137,8 @@ def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
         most = MOST_FURTHER_STAGES if reached < order - 1 else 0
         for number in range(most + 1):
             new = np.arange(1, 2 * number, 2) / (2 * number + 2)
-            longer = _with_stages(A, weights, new)
+            longer = np.pad(A, (0, number))  # with stages at points of the extension
+            longer[len(A) :, : len(A)] = new[:, None] ** np.arange(1, weights.shape[1] + 1) @ weights.T
             found = _polynomial_weights(longer, np.append(b, np.zeros(number)), stages, reached + 1)
             if found is not None:
                 break
@@ -154,15 +147,6 @@ def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
         A, b, nodes, weights = longer, np.append(b, np.zeros(number)), np.append(nodes, new), found
         reached += 1
     return ContinuousExtension(reached, A[stages:], nodes, weights)
-
-
-def _with_stages(A: Array, weights: Array, nodes: Array) -> Array:
-    """The stage matrix with additional stages at points of an extension."""
-    import numpy as np
-
-    longer = np.pad(A, (0, len(nodes)))
-    longer[len(A) :, : len(A)] = nodes[:, None] ** np.arange(1, weights.shape[1] + 1) @ weights.T
-    return longer
 
 
 def _polynomial_weights(A: Array, b: Array, end: int, order: int) -> Array | None:

@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 def riccati() -> Scene:
     """y' = y², y(0) = 1."""
-    return Scene(
-        {"y": 1},
-        field={"y": "y^2"},
-        start={"y": [1]},
-    )
+    return Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]})
 
 
 HARMONIC_OSCILLATOR = ((0, -1), (1, 0))
@@ -32,9 +28,6 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
 
     Args:
         matrix: The rows of A, exact numbers.
-
-    Raises:
-        IntegratorError: `matrix` is not square, or an entry is not a number.
 
     Example:
         >>> linear(matrix=[["-1/2", 3], [0, 1]]).field
