@@ -52,9 +52,6 @@ def scene_from_function(
             for methods that need them.
         name: The name of the scene; by default that of the function.
 
-    Returns:
-        The scene.
-
     Raises:
         IntegratorError: The function neither runs on symbols nor compiles, fails at the start, or returns something
             else.

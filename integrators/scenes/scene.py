@@ -178,11 +178,8 @@ class Scene(System, Tabular):
     def invariant_defects(self) -> dict[str, float]:
         """The declared invariants that are not constant along the field, tested at random points near the start.
 
-        Returns:
-            The relative size of each derivative along the field, from 1e-25 to 1; empty if all are first integrals.
-
-        Raises:
-            IntegratorError: A parameter is a symbol, or the field has too many terms.
+        Each has the relative size of its derivative along the field, from 1e-25 to 1. A scene with symbols for
+        parameters or too many terms is refused.
 
         Example:
             >>> from integrators import Scene

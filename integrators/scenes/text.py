@@ -42,13 +42,11 @@ def parse_scene(
     Args:
         text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one per line or separated by ``;``.
         blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. By default variables that begin with p
-            and q form the blocks p and q if there are no others; otherwise all variables are one block.
+            and q form the blocks p and q if there are no others; otherwise all variables are one block. The variables
+            of a block have the order of their equations.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
         name: The name of the scene in messages.
-
-    Returns:
-        The scene. The variables of a block have the order of their equations.
 
     Raises:
         IntegratorError: The text is not a list of equations, or a name has neither an equation nor a value.

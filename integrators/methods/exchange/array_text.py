@@ -32,15 +32,10 @@ TOKEN = re.compile(r"[^\W\d]\w*|\d[\w.]*|\S")
 
 
 class Language(NamedTuple):
-    """The arrays of a language.
+    """The arrays of a language."""
 
-    Attributes:
-        skipped: What is no code: comments and text in quotes.
-        to_lists: Rewrites the value of an assignment as a Python expression.
-    """
-
-    skipped: str
-    to_lists: Callable[[str], str]
+    skipped: str  # what is no code: comments and text in quotes
+    to_lists: Callable[[str], str]  # rewrites the value of an assignment as a Python expression
 
 
 def read_arrays(text: str, names: Iterable[str], language: Language) -> dict[str, Any]:

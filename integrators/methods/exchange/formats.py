@@ -29,25 +29,16 @@ LITERAL = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 class Format(NamedTuple):
-    """The text and the objects of one package.
+    """The text and the objects of one package."""
 
-    Attributes:
-        language: The language of the text.
-        marks: A pattern of what only text in this format has.
-        title: A pattern of the name of the method in the text.
-        names: The names of the arrays in the text.
-        write: The text of a method.
-        tableau: Stage matrix, weights, nodes and rows of embedded weights from the arrays; the nodes may be None.
-        prepare: Rewrites text without assignments.
-    """
-
-    language: Language
-    marks: str
-    title: str
-    names: Sequence[str]
+    language: Language  # the language of the text
+    marks: str  # a pattern of what only text in this format has
+    title: str  # a pattern of the name of the method in the text
+    names: Sequence[str]  # the names of the arrays in the text
     write: Callable[[RungeKutta], str]
+    # stage matrix, weights, nodes and rows of embedded weights from the arrays; the nodes may be None
     tableau: Callable[[Mapping[str, Any]], tuple[Any, Any, Any, Any]]
-    prepare: Callable[[str], str] = str
+    prepare: Callable[[str], str] = str  # rewrites text without assignments
 
 
 class Numbers(NamedTuple):

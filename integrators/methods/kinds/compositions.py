@@ -76,15 +76,7 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
 def adjoint_method(method: Method, *, name: str | None = None) -> Program | Splitting:
     """The adjoint Φ*_h = Φ_(−h)⁻¹ of a method.
 
-    Args:
-        method: the method.
-        name: the name of the adjoint in messages.
-
-    Returns:
-        The adjoint: the flows in reverse order for a `Splitting`, otherwise a program with the same evaluations.
-
-    Raises:
-        IntegratorError: `method` is not a method.
+    It has the flows in reverse order for a `Splitting`, otherwise it is a program with the same evaluations.
 
     Example:
         >>> from integrators import method
@@ -103,18 +95,7 @@ def adjoint_method(method: Method, *, name: str | None = None) -> Program | Spli
 
 
 def repeat(method: Method, count: int, *, name: str | None = None) -> Program | Splitting:
-    """Several steps of equal length as one method.
-
-    Args:
-        method: the method.
-        count: the number of steps.
-        name: the name of the result in messages.
-
-    Returns:
-        `count` steps of h / count.
-
-    Raises:
-        IntegratorError: `method` is not a method, or `count` not an integer from 1 to 1000.
+    """From 1 to 1,000 steps of length h / count as one method.
 
     Example:
         >>> from integrators import method
@@ -132,14 +113,11 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
 
 
 def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program:
-    """Weighted mean of the results of several methods.
+    """Weighted mean of the results of several methods, y1 = Σ_j w_j Φ^j_h(y0).
 
     Args:
         terms: pairs (method, weight); the weights sum to 1. The methods must have the same parts.
         name: the name of the result in messages.
-
-    Returns:
-        The method y1 = Σ_j w_j Φ^j_h(y0).
 
     Raises:
         IntegratorError: a pair is invalid, the methods differ in their parts, or the weights do not sum to 1.
@@ -441,20 +419,12 @@ HLW = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), formula"
 
 
 class Scheme(NamedTuple):
-    """The steps of a symmetric composition.
+    """The steps of a symmetric composition."""
 
-    Attributes:
-        order: The order of the composition of a symmetric method of order 2.
-        digits: The number of correct significant digits of the steps.
-        outer: The steps before the middle one, which follows from the sum 1.
-        about: Its distinguishing property, in one line.
-        reference: The source.
-    """
-
-    order: int
-    digits: int
-    outer: str
-    about: str
+    order: int  # the order of the composition of a symmetric method of order 2
+    digits: int  # the number of correct significant digits of the steps
+    outer: str  # the steps before the middle one, which follows from the sum 1
+    about: str  # its distinguishing property, in one line
     reference: str
 
     @property

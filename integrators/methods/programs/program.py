@@ -357,14 +357,10 @@ class RepeatedProgram(Program):
     """Several equal steps as one program, whose evaluations are made when they are read.
 
     The series of n steps is the n-th power of that of one step, which needs no evaluations.
-
-    Attributes:
-        step: One step.
-        count: The number of steps.
     """
 
     step: Program
-    count: int
+    count: int  # the number of steps
 
     def __init__(self, step: Program, count: int, name: str) -> None:
         self.__dict__.update(

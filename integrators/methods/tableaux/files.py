@@ -40,14 +40,11 @@ KEYS = (*PART_KEYS, "partitions")
 
 
 def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
-    """Read a method from a file.
+    """Read a method from a file; a `TableauWarning` is emitted for each of its issues.
 
     Args:
         source: a path, or an open file of text or bytes.
         format: ``"json"`` or ``"toml"``; by default inferred from the suffix or the content.
-
-    Returns:
-        The method; a `TableauWarning` is emitted for each of its issues.
 
     Raises:
         IntegratorError: the file cannot be read, is not JSON or TOML, or contains no tableau.

@@ -29,15 +29,10 @@ ROUNDING = 1e-9
 
 
 class Conditions(NamedTuple):
-    """The order conditions ``vectors @ weights == values`` of one order k.
+    """The order conditions ``vectors @ weights == values`` of one order k."""
 
-    Attributes:
-        vectors: one stage vector for each tree with k nodes.
-        values: 1/γ of each tree.
-    """
-
-    vectors: Array
-    values: Array
+    vectors: Array  # one stage vector for each tree with k nodes
+    values: Array  # 1/γ of each tree
 
 
 def weight_conditions(A: Array) -> Iterator[Conditions]:
@@ -97,19 +92,12 @@ ERROR_CUT = 1e-2
 
 
 class ContinuousExtension(NamedTuple):
-    """Polynomial weights and their additional stages.
+    """Polynomial weights and their additional stages."""
 
-    Attributes:
-        order: The order of the extension at all points of a step.
-        rows: The coefficients of the additional stages, one row for each, over all stages.
-        nodes: The nodes of the additional stages.
-        weights: The matrix whose entry (i, j) is the coefficient of θ^(j+1) in b_i(θ).
-    """
-
-    order: int
-    rows: Array
-    nodes: Array
-    weights: Array
+    order: int  # the order of the extension at all points of a step
+    rows: Array  # the coefficients of the additional stages, one row for each, over all stages
+    nodes: Array  # the nodes of the additional stages
+    weights: Array  # the matrix whose entry (i, j) is the coefficient of θ^(j+1) in b_i(θ)
 
 
 def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:

@@ -32,19 +32,13 @@ if TYPE_CHECKING:
 
 
 class Namespace(NamedTuple):
-    """The names available in formulas.
-
-    Attributes:
-        blocks: The blocks.
-        parameters: The parameters.
-        flat: The names in formulas without sites; a parameter with a value for each site is numbered.
-        label: The prefix of arguments in messages.
-    """
+    """The names available in formulas."""
 
     blocks: tuple[Block, ...]
     parameters: Parameters
+    # the names in formulas without sites; a parameter with a value for each site is numbered
     flat: MutableMapping[str, str]
-    label: str = ""
+    label: str = ""  # the prefix of arguments in messages
 
     @property
     def scalars(self) -> list[str]:
