@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from math import fsum, inf, isfinite
@@ -99,8 +99,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
         return sum(terms, Fraction(0))
     import sympy
 
-    total = sympy.expand(sympy.Add(*terms))
-    return Fraction(int(total.p), int(total.q)) if isinstance(total, sympy.Rational) else total
+    return _normal(sympy.expand(sympy.Add(*terms)))
 
 
 def multiply_entries(x: Any, y: Any) -> Any:
@@ -118,8 +117,11 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
-    product = sympy.expand(first * second)
-    return Fraction(int(product.p), int(product.q)) if isinstance(product, sympy.Rational) else product
+    return _normal(sympy.expand(first * second))
+
+
+def _normal(value: sympy.Expr) -> Entry:
+    return Fraction(int(value.p), int(value.q)) if value.is_Rational else value  # type: ignore[attr-defined]
 
 
 def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
@@ -181,8 +183,3 @@ def find_domain(values: Iterable[Entry]) -> str:
 def symbol_names(values: Iterable[Entry]) -> tuple[str, ...]:
     """The names of the symbols in the entries, sorted."""
     return tuple(sorted({str(symbol) for value in values if is_sympy(value) for symbol in value.free_symbols}))  # type: ignore[union-attr]
-
-
-def substitute(value: Entry, replacements: Mapping[Any, Any], argument: str) -> Entry:
-    """An entry with its symbols replaced by SymPy objects."""
-    return read_entry(value.xreplace(replacements), argument) if is_sympy(value) else value  # type: ignore[union-attr]

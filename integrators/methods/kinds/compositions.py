@@ -10,14 +10,8 @@ from typing import Any, NamedTuple
 
 from integrators.core.arguments import is_listed, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact.entries import (
-    Entry,
-    certainly_differs,
-    multiply_entries,
-    read_entry,
-    relative_error,
-    sum_entries,
-)
+from integrators.exact import entries
+from integrators.exact.entries import Entry
 from integrators.methods.kinds.splitting import NystromSplitting, Splitting
 from integrators.methods.programs.evaluations import Evaluation, LinearForm
 from integrators.methods.programs.program import (
@@ -64,7 +58,7 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
     name = name or f"composition of {_names(methods)}"
     splittings = [(method, x) for method, x in pairs if isinstance(method, Splitting)]
     if len(splittings) == len(pairs):
-        flows = [(part, multiply_entries(x, fraction)) for one, fraction in splittings for part, x in one.flows]
+        flows = [(part, entries.multiply_entries(x, fraction)) for one, fraction in splittings for part, x in one.flows]
         return Splitting(flows, parts=methods[0].names, name=name, digits=_digits(methods))
     evaluations: list[Evaluation] = []
     end = LinearForm(1)
@@ -131,8 +125,8 @@ def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None 
     """
     pairs = _read_pairs(terms, "terms", "weight")
     methods, weights = [method for method, _ in pairs], [weight for _, weight in pairs]
-    total = sum_entries(weights)
-    if certainly_differs(total, 1, relative_error("float" if isinstance(total, float) else "QQ", None)):
+    total = entries.sum_entries(weights)
+    if entries.certainly_differs(total, 1, entries.relative_error("float" if isinstance(total, float) else "QQ", None)):
         raise IntegratorError(f"terms must have weights that sum to 1, but they sum to {total!s:.60}")
     evaluations: list[Evaluation] = []
     ends = [_append(evaluations, method.program, Fraction(1), LinearForm(1), methods[0]) for method in methods]
@@ -225,7 +219,7 @@ def _read_pairs(pairs: Any, argument: str, number: str) -> list[tuple[Method, En
         if not is_listed(pair) or len(pair) != 2:
             raise IntegratorError(f"{argument}[{i}] must be a method and its {number}, but was {shown(pair)}")
         method = _read_method(pair[0], f"{argument}[{i}]")
-        read.append((method, read_entry(pair[1], f"{number} of {argument}[{i}]")))
+        read.append((method, entries.read_entry(pair[1], f"{number} of {argument}[{i}]")))
         first, program = read[0][0].program, method.program
         if set(program.names) != set(first.names) or set(program.auxiliary) != set(first.auxiliary):
             found = [
@@ -306,9 +300,9 @@ def _steps_around_a_remainder(method: Method, order: Any, count: int, name: str)
     m, n = 2 * count, order + 1
     x = sympy.root(m, n)
     terms = (sympy.Rational(m ** (n - 1 - k), m**n - m) * x**k for k in range(n))
-    gamma = read_entry(sympy.Add(*terms), "gamma")
+    gamma = entries.read_entry(sympy.Add(*terms), "gamma")
     outer = [gamma] * count
-    rest = sum_entries((Fraction(1), multiply_entries(gamma, Fraction(-m))))
+    rest = entries.sum_entries((Fraction(1), entries.multiply_entries(gamma, Fraction(-m))))
     return composition([(method, step) for step in (*outer, rest, *outer)], name=name)
 
 
@@ -385,7 +379,7 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
     title = name or f"{splitting.name} of {_name(method)}"
     steps: list[Entry] = [Fraction(0)]
     for _, coefficient in splitting.flows[:-1]:
-        steps.append(sum_entries((coefficient, multiply_entries(steps[-1], Fraction(-1)))))
+        steps.append(entries.sum_entries((coefficient, entries.multiply_entries(steps[-1], Fraction(-1)))))
     pair = method, adjoint_method(method)
     composed = composition([(pair[k % 2], x) for k, x in enumerate(steps[1:])], name=title)
     return _with_digits(composed, splitting.digits)

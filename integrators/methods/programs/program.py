@@ -510,15 +510,11 @@ def mapped(
     evaluation: Evaluation, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
 ) -> Evaluation:  # fmt: skip
     """The evaluation with functions applied to every linear form, and to the time of a flow."""
-    match evaluation:
-        case Field(part, at):
-            return Field(part, function(at))
-        case Derivative(part, at, along):
-            return Derivative(part, function(at), function(along))
-        case Flow(part, at, time, forcing):
-            return Flow(part, function(at), lengthen(time), tuple(map(function, forcing)))
-        case Average(part, path, power):
-            return Average(part, tuple(map(function, path)), power)
+    made = evaluation._make(
+        function(x) if isinstance(x, LinearForm) else tuple(map(function, x)) if isinstance(x, tuple) else x
+        for x in evaluation
+    )
+    return made._replace(time=lengthen(made.time)) if isinstance(made, Flow) else made
 
 
 def appended(

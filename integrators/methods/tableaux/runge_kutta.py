@@ -17,14 +17,7 @@ from integrators.exact.expressions import check_names, decimal_text, format_numb
 from integrators.methods.programs.builder import ProgramBuilder, entry_count
 from integrators.methods.programs.evaluations import combination
 from integrators.methods.programs.program import MAX_STAGES, Method, Program
-from integrators.methods.tableaux.presentation import (
-    plain_entries,
-    tableau_html,
-    tableau_latex,
-    tableau_picture,
-    tableau_table,
-    tableau_text,
-)
+from integrators.methods.tableaux import presentation
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 
@@ -104,8 +97,8 @@ class RungeKutta(Method):
     def __repr__(self) -> str:
         return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
 
-    __str__ = tableau_text
-    _repr_html_ = tableau_html
+    __str__ = presentation.tableau_text
+    _repr_html_ = presentation.tableau_html
 
     def to_latex(self) -> str:
         """The tableau as a LaTeX array; long irrational entries are rounded to floats.
@@ -118,16 +111,17 @@ class RungeKutta(Method):
              & 0 & 1 \\\\
             \\end{array}
         """
-        return tableau_latex(self)
+        return presentation.tableau_latex(self)
 
-    plot = tableau_picture
+    plot = presentation.tableau_picture
 
     def to_dict(self) -> dict[str, Any]:
         """The content of a tableau file, without absent entries; see `load_method`."""
+        plain = presentation.plain_entries
         data: dict[str, Any] = {"name": self.name, "reference": self.reference}
         if self.algebra is not None:
-            polynomial, b = plain_entries(self.algebra.polynomial), plain_entries(self.algebra.b)
-            data["algebra"] = {"polynomial": polynomial, "A": list(map(plain_entries, self.algebra.A)), "b": b}
+            polynomial, b = plain(self.algebra.polynomial), plain(self.algebra.b)
+            data["algebra"] = {"polynomial": polynomial, "A": list(map(plain, self.algebra.A)), "b": b}
         else:
             write = decimal_text if self.domain == "decimal" else format_number
             # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
@@ -136,16 +130,16 @@ class RungeKutta(Method):
                 "parameters": list(self.parameters) or None,
                 "digits": self.digits,
                 "domain": "float" if self.domain == "float" else None,
-                "A": [plain_entries(row, write) for row in self.A],
-                "b": plain_entries(self.b, write),
-                "c": plain_entries(self.c, write) if given else None,
-                "embedded": [plain_entries(row, write) for row in self.embedded] or None,
+                "A": [plain(row, write) for row in self.A],
+                "b": plain(self.b, write),
+                "c": plain(self.c, write) if given else None,
+                "embedded": [plain(row, write) for row in self.embedded] or None,
             }
         return {key: value for key, value in data.items() if value is not None}
 
     def to_table(self) -> Table:
         """The tableau as rows."""
-        return tableau_table(self, self.to_latex)
+        return presentation.tableau_table(self, self.to_latex)
 
     @cached_property
     def _exact(self) -> tuple[Matrix, EntryRow, EntryRow]:
@@ -325,9 +319,11 @@ class RungeKutta(Method):
 
         read = {name: entries.read_entry(value, name, self.parameters) for name, value in values.items()}
         replacements = {sympy.Symbol(name): sympy.sympify(value, strict=True) for name, value in read.items()}
-        return self._mapped(
-            lambda value, place: entries.substitute(value, replacements, place), nodes=self.c != self.row_sums
-        )
+
+        def substituted(value: Any, place: str) -> Entry:
+            return entries.read_entry(value.xreplace(replacements), place) if entries.is_sympy(value) else value
+
+        return self._mapped(substituted, nodes=self.c != self.row_sums)
 
     def to_float(self) -> RungeKutta:
         """The method with every entry rounded to the nearest double.

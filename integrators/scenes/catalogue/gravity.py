@@ -9,13 +9,7 @@ from typing import Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.catalogue.particles import (
-    kinetic_energy,
-    read_positive,
-    read_rows,
-    squared_distance,
-    symmetry_integrals,
-)
+from integrators.scenes.catalogue import particles
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Effect, Term
@@ -50,9 +44,9 @@ def gravity(
     summary: str | None = None,
 ) -> Scene:  # fmt: skip
     """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
-    m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
-    q = read_rows(positions, "positions", len(m))
-    v = read_rows(velocities, "velocities", len(m))
+    m = [particles.read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
+    q = particles.read_rows(positions, "positions", len(m))
+    v = particles.read_rows(velocities, "velocities", len(m))
     lengths = [{len(row) for row in rows} for rows in (q, v)]
     if lengths not in ([{2}, {2}], [{3}, {3}]):
         found = " and of ".join(" and ".join(map(str, sorted(n))) or "none" for n in lengths)
@@ -60,15 +54,15 @@ def gravity(
             f"positions and velocities must be rows of 2 numbers, or rows of 3, but had rows of {found}"
         )
     dimension = lengths[0].pop()
-    square = squared_distance(dimension) + " + epsilon^2" * softened
+    square = particles.squared_distance(dimension) + " + epsilon^2" * softened
     return Scene(
         {"p": [len(m), dimension], "q": [len(m), dimension]},
         terms=[
-            kinetic_energy(dimension, "m_i"),
+            particles.kinetic_energy(dimension, "m_i"),
             Term(over="pairs", hamiltonian=f"-G*m_i*m_j/sqrt({square})"),
         ],
         parameters={"G": constant, "m": m, **({"epsilon": "1/10"} if softened else {})},
-        invariants=symmetry_integrals(len(m), dimension),
+        invariants=particles.symmetry_integrals(len(m), dimension),
         start={"p": [[mass * x for x in row] for mass, row in zip(m, v, strict=True)], "q": q},
         summary=summary or f"gravity among {len(m)} bodies{', softened' * softened}",
     )
