@@ -19,7 +19,7 @@ from integrators.scenes.model.blocks import ROLES
 from integrators.scenes.model.declarations import Declaration
 from integrators.scenes.model.formulas import formula_text
 from integrators.scenes.model.system import LocalTerm, System
-from integrators.scenes.model.terms import Effect, Summand, Term, check_active, check_effects, sorted_summands
+from integrators.scenes.model.terms import Effect, Term, check_active, check_effects, sorted_summands
 from integrators.scenes.particles import expansion
 
 if TYPE_CHECKING:
@@ -309,8 +309,12 @@ def _facts(scene: Scene) -> Iterator[Fact]:
     """The rows of the table of a scene: text, or formulas."""
     yield "variables", ", ".join(scene.variables)
     yield "blocks", ", ".join(f"{block.name} of {block.dimension}" for block in scene.blocks)
-    for summand in scene.summands:
-        yield _summand_place(summand), [summand.formula]
+    for summand in scene.summands:  # H or a derivative, the sites of its sum, and its part of the field
+        target = "H" if summand.target is None else f"{summand.target}'"
+        sites = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
+        where = f"sites {shorten(sites)}" if sites else SUMS.get(summand.sites.kind)
+        part = summand.part and f"part {summand.part}"
+        yield ", ".join(filter(None, [target, where, part])), [summand.formula]
     for k, row in enumerate(scene.poisson or (), 1):
         yield f"Poisson matrix, row {k}", row
     for name, value in scene.parameters.items():
@@ -327,15 +331,6 @@ def _facts(scene: Scene) -> Iterator[Fact]:
         yield from ((f"start {block.name}", scene.start[block.offset : block.end]) for block in scene.blocks)
     if scene.reference:
         yield "reference", scene.reference
-
-
-def _summand_place(summand: Summand) -> str:
-    """The place of a formula: H or a derivative, the sites of its sum, and its part of the field."""
-    target = "H" if summand.target is None else f"{summand.target}'"
-    sites = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
-    where = f"sites {shorten(sites)}" if sites else SUMS.get(summand.sites.kind)
-    part = summand.part and f"part {summand.part}"
-    return ", ".join(filter(None, [target, where, part]))
 
 
 def typed_value(value: Any) -> str:

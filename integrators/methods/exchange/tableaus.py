@@ -170,13 +170,10 @@ def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: E
     except KeyError as error:
         raise IntegratorError(f"text must assign {error.args[0]}, but did not") from None
     except TypeError:
-        shapes = ", ".join(f"{key} {_shape(values)}" for key, values in read.items())
+        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in read.items())
+        shapes = ", ".join(f"{key} {size}" for key, size in sizes)
         raise IntegratorError(f"{', '.join(read)} must be a matrix and rows of one length, but were {shapes}") from None
     return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
-
-
-def _shape(values: Any) -> str:
-    return f"of {len(values)}" if isinstance(values, list) else "a number"
 
 
 def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:

@@ -169,14 +169,8 @@ class Recorder:
 
     def _check_time(self, evaluations: Sequence[Evaluation], at: LinearForm, time: Entry, place: str) -> None:
         """Refuse a time that differs from that of the point, where t′ = 1 is one of the equations."""
-        terms = []
-        for e, x in at.terms.items():
-            match evaluations[e]:
-                case Field():
-                    terms.append(x)
-                case Flow(_, _, duration):
-                    terms.append(multiply_entries(x, duration))
-        own = sum_entries(terms) if terms else Fraction(0)
+        used = [(evaluations[e], x) for e, x in at.terms.items() if isinstance(evaluations[e], Field | Flow)]
+        own = sum_entries(multiply_entries(x, e.time) if isinstance(e, Flow) else x for e, x in used)
         gap: Any = sum_entries((own, multiply_entries(time, Fraction(-1))))
         if not (abs(gap) < 1e-14 if isinstance(gap, float) else gap == 0):
             raise IntegratorError(

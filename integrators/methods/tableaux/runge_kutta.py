@@ -443,15 +443,13 @@ def are_symmetric(parts: Sequence[RungeKutta]) -> bool:
     if not any(part.parameters for part in parts):
         sums = [[entries.round_entry(x) if entries.is_sympy(x) else x for x in part.row_sums] for part in parts]
         orders.append(sorted(stages, key=lambda i: [row[i] for row in sums]))
-    return any(all(_is_reversible(part, order) for part in parts) for order in orders)
 
+    def is_reversible(part: RungeKutta, order: Sequence[int]) -> bool:
+        a, b, partner = part.A, part.b, dict(zip(order, reversed(order), strict=True))
+        terms = ((a[partner[i]][partner[j]], a[i][j], -b[j]) for i in order for j in order)
+        return all(entries.cancels(x, part.precision) for x in terms)
 
-def _is_reversible(method: RungeKutta, order: Sequence[int]) -> bool:
-    a, b = method.A, method.b
-    partner = dict(zip(order, reversed(order), strict=True))
-    return all(
-        entries.cancels((a[partner[i]][partner[j]], a[i][j], -b[j]), method.precision) for i in order for j in order
-    )
+    return any(all(is_reversible(part, order) for part in parts) for order in orders)
 
 
 def _entry_text(value: Entry) -> str:

@@ -165,23 +165,17 @@ def _polynomial_weights(A: Array, b: Array, end: int, order: int) -> Array | Non
     if not (_agree(vectors, columns, targets) and _agree(columns, sums, ends)):
         return None
     # Least squares give the shortest change in the kernel (up to rounding) that minimises the error terms.
-    errors, wanted = _error_terms(beyond, order + 1, powers)
+    points = np.linspace(0, 1, 2 * len(powers) + 3)[1:-1]
+    of_points, points_triangle = np.linalg.qr(points[:, None] ** powers)
+    of_trees, trees_triangle = np.linalg.qr(beyond.vectors)
+    errors = np.kron(points_triangle, trees_triangle)
+    wanted = np.kron(points ** (order + 1) @ of_points, beyond.values @ of_trees)
     free = errors - errors @ rows.T @ rows
     if np.linalg.norm(free) > ROUNDING * np.linalg.norm(errors):
         change = np.linalg.lstsq(free, wanted - errors @ solution, rcond=ERROR_CUT)[0]
         columns = (solution + change - rows.T @ (rows @ change)).reshape(len(powers), len(b)).T
     weights = np.column_stack([units[0], columns])
     return weights if abs(weights).max() <= LARGEST_WEIGHT else None
-
-
-def _error_terms(beyond: Conditions, order: int, powers: Array) -> tuple[Array, Array]:
-    """Matrix and right-hand side of the order conditions at some points of the step."""
-    import numpy as np
-
-    points = np.linspace(0, 1, 2 * len(powers) + 3)[1:-1]
-    of_points, points_triangle = np.linalg.qr(points[:, None] ** powers)
-    of_trees, trees_triangle = np.linalg.qr(beyond.vectors)
-    return np.kron(points_triangle, trees_triangle), np.kron(points**order @ of_points, beyond.values @ of_trees)
 
 
 def _agree(matrix: Array, solution: Array, right: Array) -> bool:

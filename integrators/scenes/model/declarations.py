@@ -127,19 +127,18 @@ def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
         raise IntegratorError(f"{argument} must map names to numbers, but was {shown(values)}")
     if TIME in values:
         raise IntegratorError(f"{argument} must not be called {TIME}, which is the time, but one was")
-    return {name: _read_parameter(name, values[name], f"{argument}.{name}") for name in check_symbols(values, argument)}
-
-
-def _read_parameter(name: str, value: Any, argument: str) -> sympy.Expr | tuple[sympy.Expr, ...]:
-    if getattr(value, "ndim", 0) or is_listed(value):
-        numbers = read_numbers(items(value, argument), argument)
-        if not numbers:
-            raise IntegratorError(f"{argument} must have a number for each site, but was empty")
-        return numbers
-    read = read_formula(value, (name,), argument)
-    if read.free_symbols and not read.is_Symbol:
-        raise IntegratorError(f"{argument} must be a number or its own name, but was {shorten(str(value))!r}")
-    return read
+    found: Parameters = {}
+    for name in check_symbols(values, argument):
+        value, place = values[name], f"{argument}.{name}"
+        if getattr(value, "ndim", 0) or is_listed(value):
+            found[name] = read_numbers(items(value, place), place)
+            if not found[name]:
+                raise IntegratorError(f"{place} must have a number for each site, but was empty")
+        else:
+            found[name] = read = read_formula(value, (name,), place)
+            if read.free_symbols and not read.is_Symbol:
+                raise IntegratorError(f"{place} must be a number or its own name, but was {shorten(str(value))!r}")
+    return found
 
 
 def read_summands(hamiltonian: Any, field: Any, terms: Any, namespace: Namespace) -> dict[Key, sympy.Expr]:
@@ -379,7 +378,15 @@ def check_equations(system: Assembly, poisson: Matrix | None, label: str = "") -
             )
         known[: len(poisson)] = b"\1" * len(poisson)
     elif hamiltonian:
-        for block in _conjugate_blocks(system.blocks, label):
+        pair = canonical_blocks(system.blocks)
+        if pair is None:
+            sizes = ", ".join(f"{block.name} of {block.dimension}" for block in system.blocks)
+            raise IntegratorError(
+                f"{label}variables must have a block of momenta and one of positions of equal size for a Hamiltonian, "
+                'told apart by their names: p and q, which may hold any variables, as in {"p": ["u"], "q": ["w"]}, or '
+                f"others such as v and x; but had {shorten(sizes)}"
+            )
+        for block in pair:
             known[block.offset : block.end] = b"\1" * block.dimension
     named = set()
     for target, sites, _ in system.summands:
@@ -395,18 +402,6 @@ def check_equations(system: Assembly, poisson: Matrix | None, label: str = "") -
     if missing:
         names = shorten(", ".join(missing))
         raise IntegratorError(f"{label}field must have an equation for every variable, but has none for {names}")
-
-
-def _conjugate_blocks(blocks: Sequence[Block], label: str) -> tuple[Block, Block]:
-    pair = canonical_blocks(blocks)
-    if pair is None:
-        sizes = ", ".join(f"{block.name} of {block.dimension}" for block in blocks)
-        raise IntegratorError(
-            f"{label}variables must have a block of momenta and one of positions of equal size for a Hamiltonian, told "
-            'apart by their names: p and q, which may hold any variables, as in {"p": ["u"], "q": ["w"]}, or others '
-            f"such as v and x; but had {shorten(sizes)}"
-        )
-    return pair
 
 
 BASE = ""
@@ -479,7 +474,7 @@ def declaration_table(
     data: dict[str, Any] = {**labels, "active": list(active)}
     data |= _contribution_table(declaration.base)
     if declaration.poisson is not None:
-        data["poisson"] = [[_number(entry, "poisson") for entry in row] for row in declaration.poisson]
+        data["poisson"] = _numbers(declaration.poisson, "poisson")
     data["positive"] = [_text(formula, "positive") for formula in declaration.positive]
     data["invariants"] = {name: _text(value, f"invariants.{name}") for name, value in declaration.invariants.items()}
     data["effects"] = {
@@ -553,13 +548,10 @@ def _text(formula: sympy.Expr, argument: str) -> str:
     return text
 
 
-def _numbers(value: Any) -> Any:
-    """One number, or a list of numbers for all sites."""
-    return [_number(entry, "a number") for entry in value] if isinstance(value, tuple) else _number(value, "a number")
-
-
-def _number(value: Any, argument: str) -> int | str:
-    """An integer, or the text of a decimal or formula."""
+def _numbers(value: Any, argument: str = "a number") -> Any:
+    """An integer, the text of a decimal or formula, or a list of these for all sites."""
+    if isinstance(value, tuple):
+        return [_numbers(entry, argument) for entry in value]
     if not value.is_Rational:
         return _text(value, argument)
     exact = Fraction(int(value.p), int(value.q))
