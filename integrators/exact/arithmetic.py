@@ -124,9 +124,9 @@ def _fractional_power(base: Exact, exponent: Fraction) -> Exact:
     if _sign(base) < 0:
         raise ArithmeticError("has a fractional power of a negative number (an odd root is written root(x, n))")
     if isinstance(base, Fraction):
-        parts = [_integer_root(part, exponent.denominator) for part in base.as_integer_ratio()]
-        if None not in parts:
-            return power(Fraction(*parts), Fraction(exponent.numerator))
+        numerator, denominator = (_integer_root(part, exponent.denominator) for part in base.as_integer_ratio())
+        if numerator is not None and denominator is not None:
+            return power(Fraction(numerator, denominator), Fraction(exponent.numerator))
     import sympy
 
     if exponent * (_bits(base) - 1) > MAX_BITS:

@@ -178,7 +178,7 @@ def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
         yield _Call(one, arguments, _parameters(signature[count:]), known[name])
 
 
-def _signature(function: Callable[..., Any]) -> list[Parameter]:
+def _signature(function: Any) -> list[Parameter]:
     """The arguments of a function, also of one that numba has compiled."""
     found = parameters_of(getattr(function, "py_func", function))
     if found is None:

@@ -18,6 +18,7 @@ from typing import IO, Any
 from integrators.core import text_files
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
@@ -91,7 +92,7 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
     """
     if format is None and not _suffix(os.fspath(path)):
         raise IntegratorError(f"path must end in .json or .toml, but was {shorten(os.fspath(path))}")
-    text_files.atomic_write(path, dumps_method(method, format or _suffix(os.fspath(path))))
+    atomic_write(path, dumps_method(method, format or _suffix(os.fspath(path))))
 
 
 def dumps_method(method: Method, format: str) -> str:
