@@ -21,7 +21,7 @@ from integrators.scenes.model.blocks import (
     read_blocks,
 )
 from integrators.scenes.model.formulas import formula_text, read_formula, read_numbers, stable_form
-from integrators.scenes.model.terms import KINDS, Effect, Key, Sites, Term
+from integrators.scenes.model.terms import KINDS, Effect, Key, Sites, Term, numbered
 
 if TYPE_CHECKING:
     import sympy
@@ -78,16 +78,6 @@ class Namespace(NamedTuple):
         if largest > count:
             raise IntegratorError(f"{argument} must have site numbers up to {count}, but had {largest}")
         return Sites("table", count, over)
-
-
-def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
-    """The values of site parameters under the names m1, m2, …"""
-    return {
-        f"{name}{k}": entry
-        for name, value in parameters.items()
-        if isinstance(value, tuple)
-        for k, entry in enumerate(value, 1)
-    }
 
 
 def register_names(

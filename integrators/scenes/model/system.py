@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
-from integrators.scenes.model.declarations import numbered
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.terms import Sites, Summand
+from integrators.scenes.model.terms import Sites, Summand, numbered
 
 if TYPE_CHECKING:
     import numpy as np

@@ -224,6 +224,16 @@ def _immutable(value: Any) -> Any:
     return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
 
 
+def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
+    """The values of site parameters under the names m1, m2, …"""
+    return {
+        f"{name}{k}": entry
+        for name, value in parameters.items()
+        if isinstance(value, tuple)
+        for k, entry in enumerate(value, 1)
+    }
+
+
 def check_effects(effects: Any) -> dict[str, Effect]:
     """The effects of a scene by name, checked."""
     known = isinstance(effects, Mapping) and all(isinstance(name, str) and name for name in effects)
