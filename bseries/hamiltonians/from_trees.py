@@ -37,7 +37,7 @@ from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import VALUE, LocalTerm, Output, Place, System
-from integrators.scenes.particles.local_form import constant_terms
+from integrators.scenes.particles.expansion import constant_terms
 from integrators.scenes.particles.parts import Piece, degrees
 from integrators.scenes.scene import Scene
 from trees.counting import count_trees

@@ -21,7 +21,7 @@ from bseries.exceptions import SeriesError
 from bseries.shadow.scene_forces import SceneForces
 from integrators.core.text_files import read_lines
 from integrators.runs.trajectory import Trajectory
-from integrators.scenes.files import scene_from_table
+from integrators.scenes.text import scene_from_table
 
 Columns: TypeAlias = Mapping[str, np.ndarray]
 """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""

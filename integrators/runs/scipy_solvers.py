@@ -19,7 +19,6 @@ from integrators.methods.tableaux.weights import (
     MAX_ORDER,
     ContinuousExtension,
     continuous_extension,
-    order_of_difference,
     order_of_weights,
 )
 from integrators.scenes.catalogue.registry import as_scene
@@ -139,7 +138,7 @@ def _solver_class(method: RungeKutta, name: str) -> type[RK45]:
     else:
         errors = [np.append(row, 0.0) for row in errors]
     stages, weights = _with_end(A, b)
-    orders = [order_of_difference(stages, row) for row in errors]
+    orders = [order_of_weights(stages, row, 0) for row in errors]
     if max(orders) == MAX_ORDER:
         raise IntegratorError(
             f"embedded weights must give another result than b, but those of {shorten(method.name)} do not"

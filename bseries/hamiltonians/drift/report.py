@@ -12,7 +12,7 @@ from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
 from foundation.plotting import BLACK, SKY, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.errors import shorten
-from integrators.scenes.latex import latex_formula
+from integrators.scenes.scene import latex_formula
 
 if TYPE_CHECKING:
     import sympy
