@@ -81,7 +81,7 @@ def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
     """Points of the exact solution over the time in which it turns back or over, (2, points)."""
     import sympy
 
-    from bseries.hamiltonians.drift.orbits import closed_orbit
+    from bseries.hamiltonians.orbits import closed_orbit
 
     period = float(closed_orbit(scene, start, {1: 2 * sympy.pi}).period)
     if not period:

@@ -22,10 +22,8 @@ from bseries.exact.rationals import primes_up_to
 from trees.compiled import kernel
 from trees.lyndon_words import count_lyndon_words
 
-MOST_LETTERS = 20
-"""Of these words, 111,013 are Lyndon words; each further letter takes five times as long."""
-PRIME = 2**31 - 1
-"""Checks the results modulo 2^64."""
+MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further letter takes five times as long
+PRIME = 2**31 - 1  # checks the results modulo 2^64
 
 
 @contextmanager
@@ -42,12 +40,7 @@ def _collecting_later() -> Iterator[None]:
 
 @_collecting_later()
 def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict[tuple[str, ...], Fraction]]:
-    """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word.
-
-    Example:
-        >>> bch_terms(3, "AB", symmetric=False)[2]
-        {('A', 'A', 'B'): Fraction(1, 12), ('A', 'B', 'B'): Fraction(1, 12)}
-    """
+    """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word."""
     import numpy as np
 
     words = LyndonWords(order)
@@ -100,14 +93,7 @@ def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:
     """Coefficients of the words A…B of n letters in log(exp A exp B), by the lengths of their blocks of equal letters.
 
     A word of m blocks of lengths s_i, m even, has ∫₀¹ t^(m/2) (t−1)^(m/2−1) Π G_(s_i)(t) dt with the polynomials
-    G_1 = 1, s G_s = (t (t−1) G_(s−1))′.
-
-    Example:
-        >>> dict(goldberg_coefficients(3))
-        {(2, 1): Fraction(1, 12)}
-
-    References:
-        K. Goldberg, Duke Math. J. 23 (1956) 13–21, doi:10.1215/S0012-7094-56-02302-X.
+    G_1 = 1, s G_s = (t (t−1) G_(s−1))′ (K. Goldberg, Duke Math. J. 23 (1956) 13–21).
     """
     import flint
 
@@ -191,8 +177,7 @@ def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
     return found[:, 0]
 
 
-LANES = 64
-"""Words that are treated at once; LLVM does not vectorise loops over 16."""
+LANES = 64  # words that are treated at once; LLVM does not vectorise loops over 16
 
 
 @kernel
