@@ -67,7 +67,6 @@ class BracketSeries(Mapping[Bracket, Any]):
         self.digits, self.basis = digits, basis
         self._errors, self._fences = errors, fences
         self._terms = tuple(map(dict, terms))
-        self._values = {word: value for term in self._terms for word, value in term.items()}
 
     @property
     def order(self) -> int:
@@ -82,6 +81,10 @@ class BracketSeries(Mapping[Bracket, Any]):
         """
         check_power(k, self.order - 1)
         return {word: value for word, value in self._terms[k].items() if value}
+
+    @cached_property
+    def _values(self) -> dict[Bracket, Any]:
+        return {word: value for term in self._terms for word, value in term.items()}
 
     @cached_property
     def _words(self) -> dict[str, Bracket]:

@@ -55,8 +55,8 @@ def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict
         numerators, denominator = (not symmetric and odd.get(n)) or _applied(operator, odd, words, n)
         codes = words.codes[words.of_length(n)]
         columns = (letters[codes >> k & 1].tolist() for k in reversed(range(n)))
-        values = (Fraction(x, denominator) for x in numerators)
-        terms.append(dict(zip(zip(*columns, strict=True), values, strict=True)))
+        fractions = {x: Fraction(x, denominator) for x in set(numerators)}  # half as many in even degrees
+        terms.append(dict(zip(zip(*columns, strict=True), map(fractions.__getitem__, numerators), strict=True)))
     return terms
 
 
