@@ -75,7 +75,7 @@ from .fields.modified_invariants import modified_invariant as modified_invariant
 from .figures.registry import figure as figure
 from .figures.registry import figure_names as figure_names
 from .hamiltonians.brackets.campbell_hausdorff import bch as bch
-from .hamiltonians.drift.mean_rates import energy_drift as energy_drift
+from .hamiltonians.energy_drift import energy_drift as energy_drift
 from .hamiltonians.modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
 from .shadow.trajectory_energies import shadow_energy as shadow_energy
 

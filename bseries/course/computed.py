@@ -21,7 +21,7 @@ from integrators.core.errors import not_one_of
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.hamiltonians.drift.report import DriftReport
+    from bseries.hamiltonians.energy_drift import DriftReport
 
 PLACE = re.compile(r"\{\{([a-z0-9-]+)\}\}")
 

@@ -12,8 +12,8 @@ from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.fields.symbolic.polynomials import TooLarge
+from bseries.fields.differential_rings import DifferentialRing
+from bseries.fields.polynomials import TooLarge
 
 if TYPE_CHECKING:
     import sympy

@@ -57,7 +57,7 @@ def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: An
     """Runs of both methods; the pendulum from (p, q) = (2.5, 0) rotates."""
     import sympy
 
-    from bseries.hamiltonians.drift.orbits import closed_orbit
+    from bseries.hamiltonians.orbits import closed_orbit
 
     h, span = read_number(h, "h", 0.0005, 0.5), read_number(span, "span", 10, 1e5)
     chosen, pendulum = read_methods(methods, 2), bs.scene("pendulum")

@@ -57,7 +57,7 @@ def drift(
       bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1 --plot drift.png
       bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
     """
-    from bseries.hamiltonians.drift.mean_rates import STEPS, energy_drift
+    from bseries.hamiltonians.energy_drift import STEPS, energy_drift
     from integrators.runs.integration import integrate
 
     if plot.path is not None and options["h"] is None:
