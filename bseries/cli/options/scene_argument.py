@@ -190,15 +190,14 @@ def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
 
 def read_parts(text: str | None, method: Method, scene: Scene) -> dict[str, list[str]] | None:
     """The blocks or parts of the scene for the parts of a method; None if they follow from the names."""
-    from bseries.algebra.stages import auxiliary_colors
     from integrators.scenes.particles.parts import default_pieces
 
     if text is not None and len(method.names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
     if text is not None:
         return read_part_names(text)
-    if not auxiliary_colors(method) and default_pieces(method.names, scene) is None:
-        _refuse_parts(method, scene)  # the library refuses auxiliary colours in any scene
+    if not method.program.auxiliary and default_pieces(method.names, scene) is None:
+        _refuse_parts(method, scene)  # the library refuses auxiliary parts in any scene
     return None
 
 
