@@ -20,7 +20,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
-from bseries.algebra.composition import compose, lie_derivative
+from bseries.algebra.products import compose, lie_derivative
 from bseries.analysis.order import field_elements, flows_of
 from bseries.analysis.structure import Structure
 from bseries.analysis.structure_conditions import Verdict, closure, failing, has_blocks

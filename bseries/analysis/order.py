@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import chain, islice
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
-from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_steps
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import (
     RealAlgebraic,
@@ -39,7 +40,6 @@ from integrators.methods.programs.program import RepeatedProgram, as_decimals
 from trees.counting import check_order, count_trees
 
 if TYPE_CHECKING:
-    from bseries.algebra.stages import FlowSteps
     from integrators.methods.programs.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
@@ -186,7 +186,7 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
         limit = affordable_order(colors) if flows is None else max(n for n in range(13) if colors**n <= MOST_TREES)
     for tested_to in chain(range(4, limit, 2), [limit]):
         if flows is not None and colors**tested_to <= MOST_TREES:
-            order = _order_by_words(FlowChain(flows, tested_to), colors, method.digits)
+            order = _order_by_words(replace(flows, order=tested_to), colors, method.digits)
         else:
             order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
         if order < tested_to:
@@ -194,11 +194,11 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     return limit, limit
 
 
-def _flows_of(method: Method) -> FlowSteps | None:
+def _flows_of(method: Method) -> FlowChain | None:
     """The flows of a splitting method for all fields; None for other methods."""
     if isinstance(method, RungeKutta | PartitionedRungeKutta) or method.max_children is not None:
         return None
-    return None if auxiliary_colors(method) else flow_steps(method.program)
+    return None if auxiliary_colors(method) else flow_chain(method.program)
 
 
 def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
@@ -271,7 +271,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     values: Any = s.stored
     if values.kind == "ring" and values.ring.is_AlgebraicField:
         values = values.reduced
-        values = dict(zip(ids, real_algebraic(values.ring, values.elements[ids.start : ids.stop]), strict=True))
+        values = dict(zip(ids, real_algebraic(values.ring, values.raw[ids.start : ids.stop]), strict=True))
     errors = [_simple((values[at] - exact[at]) / s.table[at].symmetry) for at in ids]
     has_symbols = any(getattr(e, "free_symbols", None) for e in errors)
     return ErrorCoefficients(
@@ -366,7 +366,7 @@ def _perturbed(values: RationalValues, uncertainty: Callable[[int], float], digi
     denominators = [math.lcm(d, scale) for d in values.denominators]
     numerators = [
         int(x) * (denominators[n] // values.denominators[n])
-        for n, x in zip(values.table.lists[0], values.numerators, strict=True)
+        for n, x in zip(values.table.lists[0], values.raw, strict=True)
     ]
     units, found = [d // scale for d in denominators], []
     for _ in range(4):
@@ -381,5 +381,5 @@ def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Ca
     values: Any = b.stored
     if values.kind == "ring":
         values = values.reduced
-        return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
+        return list(values.raw), partial(ring_element, values.ring), values.ring.to_sympy
     return list(map(to_flint, values.coefficients())), to_flint, from_flint
