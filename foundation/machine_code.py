@@ -151,12 +151,13 @@ def _text_hash(source: Path) -> str | None:
 @cache
 def package_version() -> str:
     """The version of this package; empty if it is not installed."""
-    from importlib.metadata import PackageNotFoundError, version
+    from importlib.metadata import PackageNotFoundError, distribution
 
     try:
-        return version(PACKAGE)
+        text = distribution(PACKAGE).read_text("METADATA") or ""
     except PackageNotFoundError:  # a checkout that is not installed
         return ""
+    return text.partition("\nVersion: ")[2].partition("\n")[0]  # `version` would load a parser of e-mails
 
 
 class _Cache:

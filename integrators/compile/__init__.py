@@ -8,8 +8,8 @@
         ▼
     operation graph
         │   printer.source_lines            assignments in Python
-        │   particle_loops.SiteSum          loops over particles, or SIMD lanes
-        │   scene_source.ModuleText         functions and constant arrays
+        │   scene_source.SiteSum            loops over particles, or SIMD lanes
+        │   printer.ModuleText              functions and constant arrays
         ▼
     source of a module
         │   modules.load_module             module in memory, named by all that its machine code depends on

@@ -82,7 +82,7 @@ def black_box(
 def dispatcher_of(function: Any) -> Any:
     """The function as one of numba; the same one for the same function."""
     numba = optional_module("numba", "a function without formulas")
-    if is_compiled(function):
+    if hasattr(function, "py_func") and hasattr(function, "get_call_template"):  # made by numba's decorators
         return function
     if not isinstance(function, FunctionType):
         raise IntegratorError(f"function must be made by def or lambda to be compiled, but was {shown(function)}")
@@ -105,11 +105,6 @@ def _with_tuples(function: FunctionType) -> FunctionType:
     made = FunctionType(code, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
     made.__kwdefaults__ = function.__kwdefaults__
     return made
-
-
-def is_compiled(function: Any) -> bool:
-    """Whether a function was made by numba's decorators."""
-    return hasattr(function, "py_func") and hasattr(function, "get_call_template")
 
 
 def kernel(key: str) -> Any:

@@ -7,16 +7,17 @@ of its functions under this name.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 import threading
 from collections.abc import Sequence
+from hashlib import sha256
 from importlib.abc import SourceLoader
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 from weakref import WeakValueDictionary
 
 from foundation.machine_code import package_version
@@ -38,7 +39,9 @@ def load_module(
         True
     """
     data = source.encode()
-    name = f"bseries_generated_{_key(data, [Path(getattr(helper, '__file__', None) or helper) for helper in helpers])}"  # type: ignore[arg-type]
+    paths: list[Any] = [getattr(helper, "__file__", None) or helper for helper in helpers]
+    texts = [package_version().encode(), *(Path(path).read_bytes() for path in paths), data]
+    name = f"bseries_generated_{sha256(b''.join(sha256(text).digest() for text in texts)).hexdigest()}"
     modules = sys.modules if keep else _PASSING
     with _LOCK:
         module = modules.get(name)
@@ -51,11 +54,6 @@ def load_module(
                 del modules[name]
                 raise
         return module
-
-
-def _key(data: bytes, helpers: Sequence[Path]) -> str:
-    texts = [package_version().encode(), *(path.read_bytes() for path in helpers), data]
-    return hashlib.sha256(b"".join(hashlib.sha256(text).digest() for text in texts)).hexdigest()
 
 
 class _Loader(SourceLoader):

@@ -21,7 +21,9 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from functools import cache
 from heapq import heapify, heappop, heappush
+from math import gcd, lcm
 from typing import Any
 
 import sympy
@@ -160,11 +162,8 @@ class Reader:
             return scale**power.numerator, self.graph.product(factors)
         if is_negative(scale):  # (−x)^(1/2) is not a multiple of x^(1/2)
             scale, node = -scale, self.graph.node("sum", ((Fraction(-1), node),))
-        return _root(scale, power), self.graph.product({node: power})
-
-
-def _root(number: Exact, power: Fraction) -> Exact:
-    return simplest(sympy.sympify(number, strict=True) ** sympy.Rational(power.numerator, power.denominator))
+        root = sympy.sympify(scale, strict=True) ** sympy.Rational(power.numerator, power.denominator)
+        return simplest(root), self.graph.product({node: power})
 
 
 def exact_number(expression: Any) -> Exact:
@@ -218,8 +217,7 @@ class _Expansion:
     def _expand(self, node: int) -> Term:
         kind, *content = self.graph.nodes[node]
         if kind == "product":
-            coefficient, above, below = self._powers(content[0])
-            return coefficient, self.result.product(above, below)
+            return self._term(self._powers(content[0]))
         if kind == "sum":
             products = [self._factors(*term) for term in content[0]]
             return self.result.sum(self._horner(products) if self.horner else map(self._term, products))
@@ -295,16 +293,12 @@ def _shared_reciprocals(graph: OperationGraph, nodes: Iterable[int]) -> dict[int
             for factor, power in graph.nodes[node][1]:
                 if power < 0:
                     powers[factor].append(-power)
-    return {node: _common_divisor(found) for node, found in powers.items() if len(found) > 1}
-
-
-def _common_divisor(numbers: Iterable[Fraction]) -> Fraction:
-    """The greatest common divisor of fractions."""
-    step = Fraction(0)
-    for number in numbers:
-        while number:
-            step, number = number, step % number
-    return step
+    divisors: dict[int, Fraction] = {}
+    for node, found in powers.items():
+        if len(found) > 1:
+            scale = lcm(*(power.denominator for power in found))
+            divisors[node] = Fraction(gcd(*(int(power * scale) for power in found)), scale)
+    return divisors
 
 
 def _with_shared_pairs(graph: OperationGraph, terms: Sequence[Term]) -> tuple[OperationGraph, list[Term]]:
@@ -314,14 +308,10 @@ def _with_shared_pairs(graph: OperationGraph, terms: Sequence[Term]) -> tuple[Op
     factors = [Counter(dict(graph.nodes[node][side])) for node, side in sides]
     pairs = _extract_pairs(factors, first_new=len(graph.nodes))
     reduced = dict(zip(sides, factors, strict=True))
-    result, known = OperationGraph(), {}
+    result = OperationGraph()
 
+    @cache
     def copy(node: int) -> int:
-        if node not in known:
-            known[node] = content(node)
-        return known[node]
-
-    def content(node: int) -> int:
         if node in pairs:
             return result.product(copied(Counter(pairs[node])))
         kind, *parts = graph.nodes[node]

@@ -275,22 +275,12 @@ class ModuleText:
         self._arrays: dict[tuple[str, ...], str] = {}
 
     def numbers(self, values: Sequence[Any]) -> str:
-        """Define a constant array of exact numbers and return its name."""
-        return self._array(map(literal, map(simplest, values)))
+        """The name of a constant array of exact numbers."""
+        return self._arrays.setdefault(tuple(map(literal, map(simplest, values))), f"D{len(self._arrays)}")
 
     def integers(self, values: Sequence[int]) -> str:
-        """Define a constant array of integers and return its name."""
-        return self._array(map(str, values))
-
-    def _array(self, texts: Iterable[str]) -> str:
-        return self._arrays.setdefault(tuple(texts), f"D{len(self._arrays)}")
-
-    def _definitions(self) -> list[str]:
-        """The constant arrays, a few numbers on each line."""
-        lines = []
-        for texts, name in self._arrays.items():
-            lines += [f"{name} = np.array([", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), "])"]
-        return lines
+        """The name of a constant array of integers."""
+        return self._arrays.setdefault(tuple(map(str, values)), f"D{len(self._arrays)}")
 
     def function(self, signature: str, summary: str, body: Sequence[str], decorator: str | None = None) -> None:
         """Add a function."""
@@ -315,10 +305,13 @@ class ModuleText:
             imports += [COMPILED, "from integrators.compile.machine import stack"]
         elif template is None:
             imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
+        constants = [f'{BOX}{key} = kernel("{key}")' for key in boxes]
+        for texts, name in self._arrays.items():
+            constants += [f"{name} = np.array([", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), "])"]
         head = (template or SCENE_FUNCTIONS).format(
             state="\n".join(f"y[{b.offset}:{b.end}] = {_shown(b.variables)}" for b in scene.blocks),
             imports="\n".join(imports),
-            constants="\n".join([*(f'{BOX}{key} = kernel("{key}")' for key in boxes), *self._definitions()]),
+            constants="\n".join(constants),
         )
         return f"{head.rstrip()}\n\n\n{bodies}\n"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -53,8 +54,9 @@ def read_array(values: Any) -> np.ndarray:
     """Real numbers as an array of doubles; a single nan if `values` are not real numbers."""
     import numpy as np
 
+    masked = sys.modules.get("numpy.ma")  # without it there are no masked arrays, and it loads slowly
     try:
-        if np.iscomplexobj(values) or np.ma.is_masked(values):
+        if np.iscomplexobj(values) or (masked and masked.is_masked(values)):
             raise TypeError
         return np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -11,9 +11,8 @@ import numpy as np
 
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module
-from integrators.compile.particle_loops import SiteSum
 from integrators.compile.printer import ModuleText
-from integrators.compile.scene_source import energy_lines
+from integrators.compile.scene_source import SiteSum, energy_lines
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import sympy
 
-from integrators.compile.particle_loops import SiteSum
+from integrators.compile.scene_source import SiteSum
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import nearest_double
 from integrators.scenes.model.formulas import read_formula
@@ -35,15 +35,7 @@ _CONTROL = ", ".join(f"controls[{k}]" for k in (DENSITY, RATE, TIME, TIME_COMPEN
 
 
 class ControlText(NamedTuple):
-    """Statements of a controlled step.
-
-    Attributes:
-        load: Before the first step.
-        fresh: Before the first step of a run only.
-        before: Before each step, for its size.
-        after: After each step.
-        store: After the last step.
-    """
+    """Statements of controlled steps: before the first of a call and of a run, around each, and after the last."""
 
     load: tuple[str, ...] = ()
     fresh: tuple[str, ...] = ()
@@ -77,8 +69,20 @@ def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) 
 
 
 def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
-    """Statements of steps with a step size function."""
-    rate = _rate_lines(formula, writer)
+    """Statements of steps with a step size function; the rate is G(y) = −∇σ(y)·f(y)/σ(y)."""
+    structure = writer.structure
+    scene, whole = structure.scene, len(structure.pieces) - 1
+    used = [k for k, symbol in enumerate(scene.symbols) if symbol in formula.free_symbols]
+    outputs: dict[Any, Any] = {"sigma": formula} | {k: formula.diff(scene.symbols[k]) for k in used}
+    targets = {"sigma": "sigma ="} | {k: f"s{k} =" for k in used}
+    body = SiteSum.flat(scene, outputs).lines(targets, writer.module)
+    total = " + ".join(f"s{k}*f[{k}]" for k in used)
+    writer.module.function(
+        "density_rate(y, f)", "The rate of change of the density of steps.", [*body, f"return -({total})/sigma"]
+    )
+    field = writer.functions.field(whole, sorted({structure.block_of[k] for k in used}))
+    value = writer.array("field")
+    rate = f"{field}(y, {value})", f"rate = density_rate(y, {value})"
     return ControlText(
         load=("epsilon = h", f"density, rate, time, time_compensation = {_CONTROL}"),
         fresh=rate,
@@ -93,21 +97,3 @@ def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
         ),
         store=(f"{_CONTROL} = density, rate, time, time_compensation",),
     )
-
-
-def _rate_lines(formula: sympy.Expr, writer: StepWriter) -> tuple[str, ...]:
-    """Statements for G(y) = −∇σ(y)·f(y)/σ(y)."""
-    structure = writer.structure
-    scene, whole = structure.scene, len(structure.pieces) - 1
-    used = [k for k, symbol in enumerate(scene.symbols) if symbol in formula.free_symbols]
-    outputs: dict[Any, Any] = {"sigma": formula} | {k: formula.diff(scene.symbols[k]) for k in used}
-    targets = {"sigma": "sigma ="} | {k: f"s{k} =" for k in used}
-    body = SiteSum.flat(scene, outputs).lines(targets, writer.module)
-    total = " + ".join(f"s{k}*f[{k}]" for k in used)
-    writer.module.function(
-        "density_rate(y, f)", "The rate of change of the density of steps.", [*body, f"return -({total})/sigma"]
-    )
-    blocks = sorted({structure.block_of[k] for k in used})
-    field = writer.functions.field(whole, blocks)
-    value = writer.array("field")
-    return f"{field}(y, {value})", f"rate = density_rate(y, {value})"

@@ -22,7 +22,7 @@ import sympy
 from integrators.compile.printer import indented
 from integrators.exact.entries import round_entry
 from integrators.exact.polynomials import gauss_legendre
-from integrators.scenes.model.system import LocalTerm, Output, output_formula
+from integrators.scenes.model.system import output_formula
 from integrators.scenes.particles.parts import degree
 from integrators.steppers.step_model import Call, fraction
 from integrators.steppers.structure import Structure
@@ -53,19 +53,12 @@ def flow_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     structure = writer.structure
     forced = {block for point in forcing for block, form in point if form.terms}
     moving = [block for block, _ in start if block in forced or block in structure.writes(piece)]
-    linear = None if writer.options.control is not None else _linear_flow(call, moving, structure)
-    if linear is not None:
-        return _linear_lines(call, target, linear, writer)
+    system = None if writer.options.control is not None else constant_system(structure, piece, moving)
+    if system is not None and (flow := LinearFlow(system, call, structure)).largest <= MOST_VARIABLES:
+        return _linear_lines(call, target, flow, writer)
     if len(forcing) <= 1 and is_diagonal(structure, piece, moving):
         return _diagonal_lines(call, target, moving, writer)
     return _numerical_lines(call, target, moving, writer)
-
-
-def _linear_flow(call: Call, moving: list[int], structure: Structure) -> LinearFlow | None:
-    """The flow in terms of φ-functions, if it is linear with constant coefficients and not too large."""
-    system = constant_system(structure, call.node.piece, moving)
-    flow = None if system is None else LinearFlow(system, call, structure)
-    return flow if flow is not None and flow.largest <= MOST_VARIABLES else None
 
 
 def _forcing_lines(call: Call, writer: StepWriter) -> tuple[list[str], list[str]]:
@@ -200,33 +193,25 @@ class AffineSystem(NamedTuple):
 
 def constant_system(structure: Structure, piece: int, blocks: Iterable[int]) -> AffineSystem | None:
     """A piece of the field in some blocks; None if it is not affine with constant coefficients."""
-    system = AffineSystem({}, {})
+    system, zero = AffineSystem({}, {}), Fraction(0)
     for term, output in structure.outputs(piece, blocks):
         variables = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         formula = output_formula(term, output)
         if degree(formula, variables) not in (0, 1) or term.sites.size > MOST_ROWS:
             return None
         constant: Any = formula.xreplace(dict.fromkeys(variables, sympy.Integer(0)))
-        _add(system, term, output, [formula.diff(x) for x in variables], constant)
+        factors: list[Any] = [formula.diff(x) for x in variables]
+        for row in term.sites.rows():
+            data, i = term.data_at(row), output.place.at(row)
+            if constant != 0:
+                system.constants[i] = system.constants.get(i, zero) + fraction(constant.xreplace(data))
+            for (plus, minus), factor in zip(term.arguments, factors, strict=True):
+                value = fraction(factor.xreplace(data)) if factor != 0 else zero
+                for place, x in ((plus, value), (minus, -value)):
+                    if place is not None and x:
+                        key = i, place.at(row)
+                        system.matrix[key] = system.matrix.get(key, zero) + x
     return system
-
-
-def _add(
-    system: AffineSystem, term: LocalTerm, output: Output, factors: Sequence[sympy.Expr], constant: sympy.Expr
-) -> None:
-    """Add a term over all rows of its sites."""
-    zero = Fraction(0)
-    for row in term.sites.rows():
-        data: dict[Any, Any] = {sympy.Symbol(f"d{k}"): d.values[row[d.role]] for k, d in enumerate(term.data)}
-        i = output.place.at(row)
-        if constant != 0:
-            system.constants[i] = system.constants.get(i, zero) + fraction(constant.xreplace(data))
-        for (plus, minus), factor in zip(term.arguments, factors, strict=True):
-            value = fraction(factor.xreplace(data)) if factor != 0 else zero
-            for place, x in ((plus, value), (minus, -value)):
-                if place is not None and x:
-                    key = i, place.at(row)
-                    system.matrix[key] = system.matrix.get(key, zero) + x
 
 
 def is_diagonal(structure: Structure, piece: int, blocks: Iterable[int]) -> bool:
@@ -251,11 +236,6 @@ def is_diagonal(structure: Structure, piece: int, blocks: Iterable[int]) -> bool
 
 class LinearFlow:
     """(z(1) − z(0))/h for z' = time · h (L z + b) + Σ θ^j forcing_j, as products with matrices that depend on h.
-
-    Args:
-        system: L and b.
-        call: The flow.
-        structure: The blocks of variables.
 
     Attributes:
         rows: The rows of the sparse matrices, which all have the same pattern.

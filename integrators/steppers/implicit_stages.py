@@ -20,8 +20,7 @@ import sympy
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError
-from integrators.steppers.forms import scaled, tidy
-from integrators.steppers.step_model import Call, Group, Key, Node, Point
+from integrators.steppers.step_model import Group, Key, Node, Point
 
 if TYPE_CHECKING:
     from integrators.steppers.writer import StepWriter
@@ -198,8 +197,8 @@ def _starting_values(group: Group, writer: StepWriter) -> list[str]:
         if len(own) > 1 and len(set(nodes)) == len(nodes):
             body = []
             for k, node in enumerate(nodes):
-                terms = (scaled(f"k{e}[i]", _lagrange(nodes, j, 1 + node)) for j, e in enumerate(own))
-                body.append(tidy(f"s{k} = {' + '.join(terms)}"))
+                terms = [(e, _lagrange(nodes, j, 1 + node)) for j, e in enumerate(own)]
+                body.append(f"s{k} = {writer.forms.stored_sum(terms)}")
             body += [f"k{e}[i] = s{k}" for k, e in enumerate(own)]
             lines += writer.forms.loop(block, body)
     return lines
@@ -288,33 +287,33 @@ class NewtonMatrix:
         self._keys = set(group.unknowns)
         self._tangents: dict[Key, Tangent] = {}
         for call in group.calls:
-            number = self._jacobian(call)
-            for block in call.blocks:
-                self._tangents[call.evaluation, block] = self._tangent(call.node, number, block)
-
-    def _jacobian(self, call: Call) -> int:
-        """The number of the Jacobian of a call."""
-        node = call.node
-        is_linear = all(self.structure.dependence(node.piece, block).is_linear for block in call.blocks)
-        point = () if is_linear else _middle(node.points) if node.kind == "average" else node.points[0]
-        return self._jacobians.setdefault(Jacobian(node.piece, call.blocks, point), len(self._jacobians))
+            node = call.node
+            is_linear = all(self.structure.dependence(node.piece, block).is_linear for block in call.blocks)
+            point = () if is_linear else _middle(node.points) if node.kind == "average" else node.points[0]
+            number = self._jacobians.setdefault(Jacobian(node.piece, call.blocks, point), len(self._jacobians))
+            for e, block in call.written:
+                self._tangents[e, block] = self._tangent(node, number, block)
 
     def _tangent(self, node: Node, number: int, block: int) -> Tangent:
         """Derivatives of a node in a block by the unknowns."""
         total: Tangent = {}
-        for weight, point in _arguments(node):
+        arguments = [(Fraction(1), node.points[-1])]
+        if node.kind == "average":
+            arguments = [(Fraction(1, int(node.detail) + j + 1), point) for j, point in enumerate(node.points)]
+        elif node.kind == "flow":
+            arguments = [(Fraction(node.detail), node.points[0])]
+        for weight, point in arguments:
             for source, form in point:
                 if source not in self.structure.dependence(node.piece, block).blocks:
                     continue
                 for e, x in form.terms:
-                    for (unknown, path), y in self._derivative((e, source)).items():
+                    read: Tangent = {((e, source), ()): Fraction(1)}
+                    if (e, source) not in self._keys:
+                        read = self._tangents.get((e, source), {})
+                    for (unknown, path), y in read.items():
                         key = unknown, ((number, block, source), *path)
                         total[key] = total.get(key, Fraction(0)) + weight * x * y
         return total
-
-    def _derivative(self, key: Key) -> Tangent:
-        """Derivatives of a stage derivative that is read, by the unknowns."""
-        return {(key, ()): Fraction(1)} if key in self._keys else self._tangents.get(key, {})
 
     def _entries(self) -> Iterator[tuple[UnknownRange, UnknownRange, Path, Fraction]]:
         """The summands of G′: rows, columns, product of Jacobians, factor."""
@@ -363,17 +362,6 @@ class NewtonMatrix:
                 for a, b, c in product(blocks[rows], blocks[inner], blocks[path[-1][2]])
             ]
         return self._products[path]
-
-
-def _arguments(node: Node) -> Iterator[tuple[Fraction, Point]]:
-    """Points to which the Jacobian of a node applies, with their weights."""
-    if node.kind == "average":
-        for j, point in enumerate(node.points):
-            yield Fraction(1, int(node.detail) + j + 1), point
-    elif node.kind == "flow":
-        yield Fraction(node.detail), node.points[0]
-    else:
-        yield Fraction(1), node.points[-1]
 
 
 def _middle(path: tuple[Point, ...]) -> Point:

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
+from importlib.util import find_spec
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
+from integrators.compile.lowering import SOURCES
+from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
 from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.flows import average_lines, flow_lines
-from integrators.steppers.functions import diagonal
 from integrators.steppers.implicit_stages import SOLVERS, first_values
-from integrators.steppers.nodes import Nodes
-from integrators.steppers.step_model import Call, Form, Group, Key, Options, Plan
+from integrators.steppers.step_model import Call, Form, Key, Options, Plan
+from integrators.steppers.structure import Structure, diagonal
 from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
 
 TEMPLATE = '''\
@@ -57,8 +60,9 @@ CALLS = {
 """Writers of calls by the kind of node."""
 
 
-class StepSource(NamedTuple):
-    """The source of a step.
+@dataclass(frozen=True)
+class StepSource:
+    """The source of a step and, from its first use, its machine code.
 
     Attributes:
         text: The text of the module; its function ``advance`` makes steps.
@@ -74,8 +78,14 @@ class StepSource(NamedTuple):
     numbers: tuple[Callable[[float], np.ndarray], ...]
     iterates: bool
 
+    @cached_property
+    def address(self) -> int:
+        """The address of the machine code (see `integrators.compile.machine.steps_in_c`)."""
+        helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]
+        return load_module(self.text, helpers=[*helpers, *SOURCES]).in_c.address
 
-def step_source(nodes: Nodes, plan: Plan, options: Options) -> StepSource:
+
+def step_source(structure: Structure, plan: Plan, options: Options) -> StepSource:
     """Write the source of a step.
 
     References:
@@ -83,8 +93,8 @@ def step_source(nodes: Nodes, plan: Plan, options: Options) -> StepSource:
         compensation, iteration until stagnation).
     """
     # the first pass finds stage derivatives that are read once, and the second substitutes them where they are read
-    once = _Step(StepWriter(nodes, plan, CALLS, options, once=frozenset())).read_once()
-    return _Step(StepWriter(nodes, plan, CALLS, options, once)).source()
+    once = _Step(StepWriter(structure, plan, CALLS, options, once=frozenset())).read_once()
+    return _Step(StepWriter(structure, plan, CALLS, options, once)).source()
 
 
 class _Step:
@@ -110,70 +120,53 @@ class _Step:
 
     def _body_lines(self) -> list[str]:
         """Statements of a step."""
-        lines = [line for work in self.plan.computed for line in self._work_lines(work)]
+        writer, solver = self.writer, SOLVERS[self.writer.options.solver]
+        lines: list[str] = []
+        for work in self.plan.computed:
+            lines += writer.call_lines(work) if isinstance(work, Call) else solver(work, writer)
         lines += [line for block, form in self.plan.result.items() for line in self.forms.update(block, form)]
         self.forms.end_step()
         return lines
 
     def source(self) -> StepSource:
         """Write the module."""
-        writer, module = self.writer, self.writer.module
-        body = [*self._body_lines(), *self._reuse_lines()]
-        first = self._first_lines()
+        writer, forms, module = self.writer, self.forms, self.writer.module
+        body = self._body_lines()
+        for (e, block), (end, _) in self.plan.reused.items():
+            body += forms.loop(block, [f"k{e}[i] = k{end}[i]"])
+        first: list[str] = []  # stage derivatives that each later step takes over from the one before
+        for work in (work for work in self.plan.work if isinstance(work, Call) and self.plan.is_reused(work)):
+            first += writer.call_lines(work)
+        for group in self.plan.groups:
+            first += first_values(group, writer)
         load, store, memory = self._memory_lines()
         formula = writer.options.control
         control = ControlText() if formula is None else control_text(formula, writer)
-        first += self._kick_lines()
+        last: list[str] = []
+        for block, kicks in self.plan.staggered.items():  # kicks of successive steps are merged
+            first += forms.update(block, Form(Fraction(1), kicks))
+            last += forms.loop(block, [f"source[i] = y[i] - h*({forms.sum(block, kicks)})"])
         start = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         start += ["else:", *indented(load)] if memory else []
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
         steps = [*control.load, *start, *loop, *store, *control.store]
-        arrays, work = writer.array_lines()
+        arrays, size = writer.array_lines()
         lines = [
             *arrays,
             *self._state_lines("y[i] = source[i]", "e[i] = compensation[i]"),
             *steps,
             *self._state_lines("source[i] = y[i]", "compensation[i] = e[i]"),
-            *self._unstaggered_lines(),
+            *last,
             "return done",
         ]
         writer.functions.write()
         module.function(f"advance({SIGNATURE})", "Make steps, and count those that succeed.", lines, "@lowered(STEPS)")
         module.function(f"in_c({SIGNATURE})", "The same in C.", [f"return advance({SIGNATURE})"], "@steps_in_c")
-        template = TEMPLATE.replace("{kernels}", _kernel_imports(module.bodies))
-        text = module.source(self.structure.scene, template)
-        return StepSource(text, memory, work, tuple(writer.numbers), bool(self.plan.groups))
-
-    def _work_lines(self, work: Call | Group) -> list[str]:
-        if isinstance(work, Call):
-            return self.writer.call_lines(work)
-        return SOLVERS[self.writer.options.solver](work, self.writer)
-
-    def _first_lines(self) -> list[str]:
-        """Statements before the first step, for stage derivatives that each step takes over from the one before."""
-        reused = [work for work in self.plan.work if isinstance(work, Call) and self.plan.is_reused(work)]
-        lines = [line for work in reused for line in self.writer.call_lines(work)]
-        return [*lines, *(line for group in self.plan.groups for line in first_values(group, self.writer))]
-
-    def _kick_lines(self) -> list[str]:
-        """Statements for the first kick of a run, where kicks of successive steps are merged."""
-        starts = (self.forms.update(block, Form(Fraction(1), kicks)) for block, kicks in self.plan.staggered.items())
-        return [line for lines in starts for line in lines]
-
-    def _unstaggered_lines(self) -> list[str]:
-        """Statements that undo the first kick of the next step in the state that is returned."""
-        lines: list[str] = []
-        for block, kicks in self.plan.staggered.items():
-            lines += self.forms.loop(block, [f"source[i] = y[i] - h*({self.forms.sum(block, kicks)})"])
-        return lines
-
-    def _reuse_lines(self) -> list[str]:
-        """Statements that copy stage derivatives for the next step."""
-        copies = (
-            self.forms.loop(block, [f"k{start}[i] = k{end}[i]"])
-            for (start, block), (end, _) in self.plan.reused.items()
-        )
-        return [line for lines in copies for line in lines]
+        words = set(re.findall(r"\w+", module.bodies))
+        used = {home: [name for name in names if name in words] for home, names in KERNELS.items()}
+        kernels = "\n".join(f"from {home} import {', '.join(names)}" for home, names in used.items() if names)
+        text = module.source(self.structure.scene, TEMPLATE.replace("{kernels}", kernels))
+        return StepSource(text, memory, size, tuple(writer.numbers), bool(self.plan.groups))
 
     def _memory_lines(self) -> tuple[list[str], list[str], int]:
         """Statements that load and store everything that is kept from step to step, and its size."""
@@ -191,13 +184,6 @@ class _Step:
         return load, store, size
 
     def _state_lines(self, line: str, compensating: str) -> list[str]:
-        """Loops over the whole state, one for each block, as in the step itself."""
+        """Loops over the whole state, one for each block."""
         lines = [line, *([compensating] * self.writer.options.compensated)]
         return [text for block in range(len(self.structure.blocks)) for text in self.forms.loop(block, lines)]
-
-
-def _kernel_imports(text: str) -> str:
-    """The statements that import the kernels that a text uses."""
-    words = set(re.findall(r"\w+", text))
-    used = {module: [name for name in names if name in words] for module, names in KERNELS.items()}
-    return "\n".join(f"from {module} import {', '.join(x)}" for module, x in used.items() if x)

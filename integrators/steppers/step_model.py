@@ -7,7 +7,7 @@ All of them share these types, in which a stage derivative k is a value of the f
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -71,6 +71,11 @@ class Node(NamedTuple):
         """The stage derivatives that the points depend on."""
         return {(e, block) for point in self.points for block, form in point for e, _ in form.terms}
 
+    def changed(self, change: Callable[[Form, int], Form]) -> Node:
+        """The node with another form in each block of its points."""
+        points = (tuple((block, change(form, block)) for block, form in point) for point in self.points)
+        return self._replace(points=tuple(points))
+
 
 class Call(NamedTuple):
     """One evaluation in several blocks, computed together."""
@@ -79,17 +84,35 @@ class Call(NamedTuple):
     blocks: tuple[int, ...]
     node: Node
 
+    @property
+    def calls(self) -> tuple[Call]:
+        """The call itself, as the only one of its kind of work."""
+        return (self,)
+
+    @property
+    def written(self) -> list[Key]:
+        """The stage derivatives that it computes."""
+        return [(self.evaluation, block) for block in self.blocks]
+
+    def changed(self, change: Callable[[Form, int], Form]) -> Call:
+        """The call with other forms, see `Node.changed`."""
+        return self._replace(node=self.node.changed(change))
+
 
 class Group(NamedTuple):
-    """Implicit stages: stage derivatives that depend on one another.
-
-    Attributes:
-        calls: One iteration, in order of computation.
-        unknowns: The stage derivatives that are iterated.
-    """
+    """Implicit stages: the calls of one iteration, in order, and the stage derivatives that are iterated."""
 
     calls: tuple[Call, ...]
     unknowns: tuple[Key, ...]
+
+    @property
+    def written(self) -> list[Key]:
+        """The stage derivatives that an iteration computes."""
+        return [key for call in self.calls for key in call.written]
+
+    def changed(self, change: Callable[[Form, int], Form]) -> Group:
+        """The group with other forms, see `Node.changed`."""
+        return self._replace(calls=tuple(call.changed(change) for call in self.calls))
 
     @property
     def blocks(self) -> list[int]:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, lru_cache
-from importlib.util import find_spec
+from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
-from integrators.compile.lowering import SOURCES
 from integrators.compile.machine import call_observer, call_steps, compiled, kept, pointer, shifted
-from integrators.compile.modules import load_module
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.arguments import check_end, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -27,9 +25,8 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import TIME, read_control, start_control
 from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
-from integrators.steppers.nodes import Nodes
-from integrators.steppers.plan import plan
-from integrators.steppers.source import KERNELS, StepSource, step_source
+from integrators.steppers.plan import Nodes, plan
+from integrators.steppers.source import StepSource, step_source
 from integrators.steppers.states import State, StepError
 from integrators.steppers.step_model import Options
 from integrators.steppers.structure import Structure
@@ -37,21 +34,20 @@ from integrators.steppers.structure import Structure
 MOST_STEPS = 2**63 - 1
 
 
-def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> CompiledStep:
+def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> StepSource:
     """Compile one step of a method on a scene.
 
     ::
 
         method, scene
             │   analysis        structure.py       blocks of variables, and what each piece of the field does to them
-            │                   nodes.py           evaluations by block, without duplicates, rational coefficients
             ▼
-          Nodes
-            │   plan            plan.py            order of evaluations, implicit groups, reuse in the next step
+        Structure
+            │   plan            plan.py            evaluations by block, their order, implicit groups, reuse
             ▼
           Plan
             │   source          source.py          the loop over steps, memory
-            │                   writer.py          arrays and functions; calls of the field and its derivatives
+            │                   writer.py          arrays, linear combinations; calls of the field and its derivatives
             │                   flows.py, implicit_stages.py    the other kinds of evaluations
             ▼
         StepSource
@@ -61,23 +57,8 @@ def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, 
         int64_t advance(double *state, ...)
     """
     structure = Structure(scene, method_pieces(method, scene, parts))
-    nodes = Nodes(method, structure)
-    step = plan(nodes, stagger=options.control is None)
-    source = step_source(nodes, step, options)
-    return CompiledStep(source)
-
-
-class CompiledStep:
-    """A step as source and, from its first use, as machine code."""
-
-    def __init__(self, source: StepSource):
-        self.source = source
-
-    @cached_property
-    def address(self) -> int:
-        """The address of the machine code (see `integrators.compile.machine.steps_in_c`)."""
-        helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]
-        return load_module(self.source.text, helpers=[*helpers, *SOURCES]).in_c.address
+    step = plan(Nodes(method, structure), stagger=options.control is None)
+    return step_source(structure, step, options)
 
 
 def method_pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
@@ -114,11 +95,11 @@ class Stepper:
         self._parts, self._options = parts, options
         self._is_free = options.solver == "auto"
         self._first_solver = "fixed-point" if self._is_free else options.solver
-        self.source = self._compiled(self._first_solver).source.text
+        self.source = self._compiled(self._first_solver).text
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
     @cached_method
-    def _compiled(self, solver: str) -> CompiledStep:
+    def _compiled(self, solver: str) -> StepSource:
         return compile_step(self.method, self.scene, self._parts, self._options._replace(solver=solver))
 
     def __repr__(self) -> str:
@@ -139,9 +120,8 @@ class Stepper:
         step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
             raise IntegratorError(f"h must not be zero, but was {step:g}")
-        state = State(
-            np.ascontiguousarray(y), step, time, self._compiled(self._first_solver).source.memory, self._first_solver
-        )
+        memory = self._compiled(self._first_solver).memory
+        state = State(np.ascontiguousarray(y), step, time, memory, self._first_solver)
         if self.control is not None:
             state.control = start_control(self.control, self.scene, state.y, time)
         return state
@@ -221,15 +201,12 @@ class Stepper:
             check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
         if o_every and (not observer or o_rows is None):
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
-        self._make(
-            state,
-            steps,
-            lambda n: (
-                *rows_from(y_every, y_rows, y_times, n, first),
-                observer,
-                *rows_from(o_every, o_rows, o_times, n, first),
-            ),
-        )
+
+        def stored(n: int) -> tuple[Any, ...]:
+            rows = rows_from(y_every, y_rows, y_times, n, first)
+            return *rows, observer, *rows_from(o_every, o_rows, o_times, n, first)
+
+        self._make(state, steps, stored)
 
     def repeat(self, state: State, steps: int, times: int) -> None:
         """Repeat the same steps to measure their cost, without changing the run.
@@ -250,14 +227,12 @@ class Stepper:
             >>> state.n
             0
         """
-        from integrators.steppers.stepping import repeated
-
         steps, to = self._checked(state, steps), state.copy()
         times = read_whole(times, "times", "a whole number, 0 or more", 0, MOST_STEPS)
         made = repeated(
             self._compiled(state.solver).address, state.values, state.carry, state.memory, state.control,
-            to.values, to.carry, to.memory, to.control, self._numbers(state),
-            self._work(state), state.h, steps, int(state.is_fresh), times,
+            to.values, to.carry, to.memory, to.control, *self._arrays(state),
+            state.h, steps, int(state.is_fresh), times,
         )  # fmt: skip
         if made < times:
             raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
@@ -273,26 +248,18 @@ class Stepper:
 
     def _run(self, state: State, steps: int, *stored: Any) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""
-        from integrators.steppers.stepping import recorded
-
         made = recorded(
             self._compiled(state.solver).address, state.values, state.carry, state.memory, state.control,
-            self._numbers(state), self._work(state), state.h, state.t0, state.n, steps, int(state.is_fresh),
+            *self._arrays(state), state.h, state.t0, state.n, steps, int(state.is_fresh),
             *stored or (*rows_from(0, None, None, 0, 0), 0, *rows_from(0, None, None, 0, 0)),
         )  # fmt: skip
         state.n += made
         state.is_fresh = False
         return made == steps and bool(np.isfinite(state.y).all())
 
-    def _work(self, state: State) -> np.ndarray:
-        """The memory of the work arrays of a step."""
-        size = self._compiled(state.solver).source.work
-        refuse_beyond_memory(8 * size, IntegratorError, f"scene must be smaller: a step on {self.scene.name}")
-        return np.empty(size)
-
     def _checked(self, state: State, steps: int) -> int:
         """The number of steps, after checks of the arguments."""
-        memory = self._compiled(state.solver).source.memory
+        memory = self._compiled(state.solver).memory
         if (len(state.values), len(state.memory)) != (self.scene.dimension, memory):
             raise IntegratorError(f"state must be one that {self!r} has started, but was another one's")
         steps = read_whole(steps, "steps", "a whole number, 0 or more", 0, MOST_STEPS)
@@ -300,15 +267,15 @@ class Stepper:
             check_end(state.t0, state.h, state.n + steps)
         return steps
 
-    def _numbers(self, state: State) -> np.ndarray:
-        """The numbers in compiled steps that depend on h only."""
-        key = state.h, state.solver
-        found = self._known_numbers.get(key)
-        if found is None:
-            parts = [np.ravel(make(state.h)) for make in self._compiled(state.solver).source.numbers]
-            found = np.concatenate([*parts, np.empty(0)])
-            self._known_numbers = {key: found}
-        return found
+    def _arrays(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """The numbers in compiled steps that depend on h only, and memory for work arrays."""
+        key, source = (state.h, state.solver), self._compiled(state.solver)
+        if key not in self._known_numbers:
+            parts = [np.ravel(make(state.h)) for make in source.numbers]
+            self._known_numbers = {key: np.concatenate([*parts, np.empty(0)])}
+        what = f"scene must be smaller: a step on {self.scene.name}"
+        refuse_beyond_memory(8 * source.work, IntegratorError, what)
+        return self._known_numbers[key], np.empty(source.work)
 
     def _go_back(self, state: State, before: State, steps: int) -> int:
         """Move to the start of the step that fails, and return the number of steps before it.
@@ -326,46 +293,33 @@ class Stepper:
                 state.assign(kept)
         return good
 
-    def _can_change(self, state: State) -> bool:
-        """Whether a run may continue with Newton's method, whose dense matrix must fit in memory."""
-        if not self._is_free or state.solver != "fixed-point" or not self._compiled(state.solver).source.iterates:
-            return False
-        try:
-            self._compiled("newton")
-        except IntegratorError:
-            return False
-        return True
-
     def _change_solver(self, state: State) -> None:
         """Continue with Newton's method if fixed-point iteration failed and the solver is free; otherwise raise."""
         trial = state.copy()
         forget_failure()
         self._run(trial, 1)
         raised = failure()
-        converges = trial.n > state.n
-        if not converges and self._can_change(state):
-            state.solver = "newton"
-            return
+        converges, iterates = trial.n > state.n, self._compiled(state.solver).iterates
+        if not converges and iterates and self._is_free and state.solver == "fixed-point":
+            with suppress(IntegratorError):  # its dense matrix does not fit in memory
+                self._compiled("newton")
+                state.solver = "newton"
+                return
         reason = "did not end in finite numbers" if converges else "did not converge"
-        if not converges and self.control is not None and not self._compiled(state.solver).source.iterates:
+        if not converges and self.control is not None and not iterates:
             reason = "would have had no positive size"
         state.is_fresh = True
-        step = f"step {state.n + 1}, from t = {state.t:g},"
-        message = (
-            f"y0 must be where the field of {self.scene.name} is finite, but {step} began where it is not"
-            if state.n == 0 and not self._is_defined(state.values)
-            else f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} "
-            f"{step} {reason}"
-        )
+        step, value = f"step {state.n + 1}, from t = {state.t:g},", np.zeros_like(state.values)
+        if state.n == 0:
+            compiled_scene(self.scene).field(state.values, value)
         if raised is not None:
             message = f"{raised}, in {step.rstrip(',')}"
+        elif not np.isfinite(value).all():
+            message = f"y0 must be where the field of {self.scene.name} is finite, but {step} began where it is not"
+        else:
+            message = f"h must be small enough for {self.method.name} on {self.scene.name}, but with h = {state.h:g} "
+            message += f"{step} {reason}"
         raise StepError(message, state.n + 1, state.t, state.y.copy()) from raised
-
-    def _is_defined(self, y: np.ndarray) -> bool:
-        """Whether the field is finite at a state."""
-        value = np.empty_like(y)
-        compiled_scene(self.scene).field(y, value)
-        return bool(np.isfinite(value).all())
 
 
 def stepper(

@@ -177,13 +177,12 @@ def takes_parts(verb: Callable[..., T], *, check: bool = True) -> Callable[..., 
 
 def _check_parts(text: str | None, method: Method, scene: Scene) -> None:
     """Refuse parts of a method that has none, and to do without them where names do not tell them."""
-    from bseries.algebra.stages import auxiliary_colors
     from integrators.scenes.particles.parts import default_pieces
 
     if text is not None and len(method.names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
-    if text is None and not auxiliary_colors(method) and default_pieces(method.names, scene) is None:
-        _refuse_parts(method, scene)  # the library refuses auxiliary colours in any scene
+    if text is None and not method.program.auxiliary and default_pieces(method.names, scene) is None:
+        _refuse_parts(method, scene)  # the library refuses auxiliary parts in any scene
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:

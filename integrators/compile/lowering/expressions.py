@@ -7,8 +7,7 @@ import ast
 import builtins
 import inspect
 import operator
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial, reduce
+from collections.abc import Callable
 from textwrap import dedent
 from types import CodeType, FunctionType
 from typing import Any, NamedTuple, NoReturn
@@ -46,26 +45,19 @@ def tree_of(function: Any) -> ast.FunctionDef:
         raise NotImplementedError(
             f"{function.__name__} must be lowered from the file it was loaded from, which changed"
         )
-    local = {*function.__code__.co_varnames}
     for node in ast.walk(tree):
-        for reason in _reasons(node, local):
-            refuse(node, reason)
+        match node:
+            case ast.For(orelse=[_, *_]) | ast.While(orelse=[_, *_]):
+                refuse(node, "has an else")
+            case ast.For(iter=loop) if not (isinstance(loop, ast.Call) and ast.unparse(loop.func) == "range"):
+                refuse(node, "is over no range")
+            case ast.Call(args=given, keywords=named) if named or any(isinstance(x, ast.Starred) for x in given):
+                refuse(node, "has more than positional arguments")
+            case ast.Call(func=called) if getattr(called, "id", None) in (None, *function.__code__.co_varnames):
+                refuse(node, "calls a name that is no function of the module")
+            case ast.Compare(ops=[_, _, *_]):
+                refuse(node, "compares more than two")
     return tree
-
-
-def _reasons(node: ast.AST, local: set[str]) -> Iterator[str]:
-    """Reasons why a node of a supported class is not lowered."""
-    if isinstance(node, ast.For | ast.While) and node.orelse:
-        yield "has an else"
-    if isinstance(node, ast.For) and not (isinstance(node.iter, ast.Call) and ast.unparse(node.iter.func) == "range"):
-        yield "is over no range"
-    if isinstance(node, ast.Call):
-        if node.keywords or any(isinstance(x, ast.Starred) for x in node.args):
-            yield "has more than positional arguments"
-        if not isinstance(node.func, ast.Name) or node.func.id in local:
-            yield "calls a name that is no function of the module"
-    if isinstance(node, ast.Compare) and len(node.ops) > 1:
-        yield "compares more than two"
 
 
 class Value(NamedTuple):
@@ -75,36 +67,15 @@ class Value(NamedTuple):
     llvm: Any
 
 
-class Target:
-    """Functions that generated functions call, each looked up once for the types of its arguments."""
-
-    def __init__(self, context: Any, typing: Any):
-        self.context, self.typing = context, typing
-        self._known: dict[Any, tuple[Any, Any]] = {}
-
-    def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
-        """Numba's signature and implementation of a function for these types of arguments."""
-        key = function, arguments
-        if key not in self._known:
-            kind = self.typing.resolve_value_type(function)
-            signature = self.typing.resolve_function_type(kind, arguments, {})
-            self._known[key] = signature, self.context.get_function(kind, signature)
-        return self._known[key]
-
-    def call(self, builder: Any, function: Any, values: Sequence[Value], result: Any = None) -> Value:
-        """Call a Python function in LLVM."""
-        raise NotImplementedError
-
-
 class Expressions(ast.NodeVisitor):
     """Writes the expressions in the body of a function.
 
     Names are variables in memory, which LLVM moves to registers. Each keeps the type of its first value, except that
-    it may change between a pointer and a number.
+    it may change between a pointer and a number. The `unit` (see `units`) provides the functions that they call.
     """
 
-    def __init__(self, target: Target, made: Any, function: Any):
-        self.target, self.made = target, made
+    def __init__(self, unit: Any, made: Any, function: Any):
+        self.unit, self.made = unit, made
         self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
         # memory for variables, then constants of the module, then everything else
         entry, constants, begin = self.block(), self.block(), self.block()
@@ -124,7 +95,10 @@ class Expressions(ast.NodeVisitor):
         if known is None:
             if node.id in self.local:
                 refuse(node, "is read before it is written")
-            known = self.variables[node.id] = self._global(node.id)
+            value = self._constant(self.known(node.id))
+            place = cgutils.alloca_once(self.constants, value.llvm.type, name=node.id)
+            self.constants.store(value.llvm, place)
+            known = self.variables[node.id] = Value(value.type, place)
         return Value(known.type, self.builder.load(known.llvm))
 
     def visit_Constant(self, node: ast.Constant) -> Value:
@@ -138,7 +112,7 @@ class Expressions(ast.NodeVisitor):
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         items = self._items(node)
         kind = types.BaseTuple.from_types([item.type for item in items])
-        return Value(kind, self.target.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
+        return Value(kind, self.unit.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         array = self.visit(node.value)
@@ -187,15 +161,21 @@ class Expressions(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> Value:
         function = self.known(ast.unparse(node.func))
         arguments = [self.visit(x) for x in node.args]
-        if isinstance(function, _Intrinsic):  # may need literal numbers
-            arguments = [*map(_literal, arguments, node.args)]
+        if isinstance(function, _Intrinsic):
+            for k, x in enumerate(node.args):
+                if isinstance(x, ast.Constant) and type(x.value) is int:  # it may need a literal number
+                    arguments[k] = arguments[k]._replace(type=types.literal(x.value))
         if function in EXTREMES:
             if len({x.type for x in arguments}) > 1:
                 refuse(node, "compares several types")
-            return reduce(partial(self._extreme, EXTREMES[function]), arguments)
+            chosen, *others = arguments
+            for other in others:
+                exceeds = self._call(EXTREMES[function], other, chosen).llvm
+                chosen = Value(chosen.type, self.builder.select(exceeds, other.llvm, chosen.llvm))
+            return chosen
         if not isinstance(function, FunctionType):
             return self._call(function, *arguments)
-        return self.target.call(self.builder, function, arguments)
+        return self.unit.call(self.builder, function, arguments)
 
     def assign(self, name: str, value: Value) -> None:
         """Assign a value to a variable."""
@@ -207,10 +187,6 @@ class Expressions(ast.NodeVisitor):
 
     def _operator(self, node: Any) -> Callable[..., Any]:
         return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
-
-    def _extreme(self, exceeds: Any, one: Value, other: Value) -> Value:
-        """The second of two values if it exceeds the first, otherwise the first."""
-        return Value(one.type, self.builder.select(self._call(exceeds, other, one).llvm, other.llvm, one.llvm))
 
     def _items(self, node: ast.expr) -> list[Value]:
         """The values of a tuple."""
@@ -225,26 +201,19 @@ class Expressions(ast.NodeVisitor):
 
     def _truth(self, node: ast.expr) -> Any:
         value = self.visit(node)
-        return self.target.context.is_true(self.builder, value.type, value.llvm)
+        return self.unit.context.is_true(self.builder, value.type, value.llvm)
 
     def known(self, name: str) -> Any:
         """The value of a name in the module."""
         return self.names[name] if name in self.names else getattr(builtins, name)
 
-    def _global(self, name: str) -> Value:
-        """A constant of the module as a variable."""
-        value = self._constant(self.known(name))
-        place = cgutils.alloca_once(self.constants, value.llvm.type, name=name)
-        self.constants.store(value.llvm, place)
-        return Value(value.type, place)
-
     def _constant(self, value: Any) -> Value:
-        kind = types.unliteral(self.target.typing.resolve_value_type(value))
-        return Value(kind, self.target.context.get_constant_generic(self.constants, kind, value))
+        kind = types.unliteral(self.unit.typing.resolve_value_type(value))
+        return Value(kind, self.unit.context.get_constant_generic(self.constants, kind, value))
 
     def _call(self, function: Any, *arguments: Value) -> Value:
         """Call a function of numba."""
-        signature, call = self.target.implementation(function, tuple(x.type for x in arguments))
+        signature, call = self.unit.implementation(function, tuple(x.type for x in arguments))
         values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
         return Value(types.unliteral(signature.return_type), call(self.builder, values))
 
@@ -258,7 +227,7 @@ class Expressions(ast.NodeVisitor):
     def _cast(self, value: Value, kind: Any) -> Any:
         if value.type == kind:
             return value.llvm
-        return self.target.context.cast(self.builder, value.llvm, value.type, kind)
+        return self.unit.context.cast(self.builder, value.llvm, value.type, kind)
 
 
 def _can_hold(kind: Any, given: Any) -> bool:
@@ -273,10 +242,3 @@ def _can_hold(kind: Any, given: Any) -> bool:
     if kind not in types.integer_domain or given not in types.integer_domain:
         return kind in types.integer_domain and given == types.boolean
     return given.signed <= kind.signed and given.bitwidth + (kind.signed > given.signed) <= kind.bitwidth
-
-
-def _literal(value: Value, node: ast.expr) -> Value:
-    """The value with a literal type, if it is a literal integer."""
-    if isinstance(node, ast.Constant) and type(node.value) is int:
-        return value._replace(type=types.literal(node.value))
-    return value

@@ -16,7 +16,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from integrators.compile.lowering.expressions import UNSIGNED, WHOLE, Expressions, Target, Value, refuse, tree_of
+from integrators.compile.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
 from integrators.compile.lowering.vectors import VectorLoop
 
 MOST_COPIED = 20_000
@@ -28,15 +28,15 @@ MOST_STACK = 8192
 class Statements(Expressions):
     """Writes the body of a function."""
 
-    def __init__(self, target: Target, made: Any, function: Any, result: Any):
-        super().__init__(target, made, function)
+    def __init__(self, unit: Unit, made: Any, function: Any, result: Any):
+        super().__init__(unit, made, function)
         self.result = result
         self.loops: list[tuple[Any, Any]] = []
         self.has_vectors = False
 
     def write(self, tree: ast.FunctionDef, arguments: Sequence[Any]) -> None:
         """Write the whole function."""
-        context = self.target.context
+        context = self.unit.context
         values = context.get_arg_packer(arguments).from_arguments(
             self.builder, context.call_conv.get_arguments(self.made)
         )
@@ -80,7 +80,7 @@ class Statements(Expressions):
         self._return(self._kept(self.visit(node.value), self.result))
 
     def _return(self, value: Any) -> None:
-        context = self.target.context
+        context = self.unit.context
         context.call_conv.return_value(self.builder, context.get_return_value(self.builder, self.result, value))
 
     def visit_Break(self, node: ast.Break) -> None:
@@ -168,15 +168,24 @@ class Statements(Expressions):
             self.builder.store(self._kept(value, array.type.dtype), self._place(array, target.slice))
 
 
-class Unit(Target):
-    """Functions in one LLVM module."""
+class Unit:
+    """Functions in one LLVM module, and those of numba that they call, each looked up once for its argument types."""
 
     def __init__(self, context: Any, typing: Any, module: Any):
-        super().__init__(context, typing)
-        self.module = module
+        self.context, self.typing, self.module = context, typing, module
+        self._known: dict[Any, tuple[Any, Any]] = {}
         self._functions: dict[Any, tuple[Any, Any]] = {}
         self._calls: Counter[Any] = Counter()
         self._in_vectors: list[Any] = []
+
+    def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+        """Numba's signature and implementation of a function for these types of arguments."""
+        key = function, arguments
+        if key not in self._known:
+            kind = self.typing.resolve_value_type(function)
+            signature = self.typing.resolve_function_type(kind, arguments, {})
+            self._known[key] = signature, self.context.get_function(kind, signature)
+        return self._known[key]
 
     def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
         """The LLVM function of a Python function, and the type of its result.
@@ -204,7 +213,8 @@ class Unit(Target):
         """Mark functions with vectors for inlining unless they are too long, so that vectors stay in registers."""
         for made in self._in_vectors:
             instructions = [line for block in made.blocks for line in block.instructions]
-            stack = sum(map(_entries, instructions))
+            arrays = [line.operands for line in instructions if isinstance(line, AllocaInstr)]
+            stack = sum(operands[0].constant if operands else 1 for operands in arrays)
             if self._calls[made] * len(instructions) <= MOST_COPIED and self._calls[made] * stack <= MOST_STACK:
                 made.attributes.add("alwaysinline")
 
@@ -218,13 +228,6 @@ class Unit(Target):
         with cgutils.if_unlikely(builder, status.is_error):  # raised only by functions of numba
             convention.return_status_propagate(builder, status)
         return Value(result, value)
-
-
-def _entries(instruction: Any) -> int:
-    """The number of entries that an instruction allocates on the stack."""
-    if not isinstance(instruction, AllocaInstr):
-        return 0
-    return instruction.operands[0].constant if instruction.operands else 1
 
 
 def lowered(signature: Any = None) -> Callable[[Any], Any]:

@@ -19,7 +19,7 @@ from numba import types
 from numba.core import cgutils
 
 from integrators.compile.lowering import MOST_PERMUTED, WIDTH
-from integrators.compile.lowering.expressions import WHOLE, Expressions, Value
+from integrators.compile.lowering.expressions import OPERATORS, WHOLE, Expressions, Value
 
 WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 ALIGNMENT = 8
@@ -39,8 +39,11 @@ class UnsuitedError(Exception):
     """Obstacle to the vectorisation of a loop."""
 
 
-class VectorExpressions(ast.NodeVisitor):
-    """Writes the expressions in the body of a loop, as vectors of doubles or integers.
+class VectorLoop(ast.NodeVisitor):
+    """Vectorises a loop whose writes are affine in the index, or tabulated, and carry no dependence.
+
+    The loop may also assign local variables, and compute maxima over all entries. Expressions in its body become
+    vectors of doubles or integers.
 
     Attributes:
         vectors: The local variables of the loop.
@@ -49,6 +52,7 @@ class VectorExpressions(ast.NodeVisitor):
         base: The counter of the first lane in LLVM, if the vectors are computed in a loop.
         read, written: Triples (array, index, counter) of the entries so far.
         is_permuted: Whether some entries are scattered or indexed.
+        maxima: Addresses of maxima by variable and width.
     """
 
     def __init__(self, scalars: Expressions, node: Any):
@@ -61,6 +65,7 @@ class VectorExpressions(ast.NodeVisitor):
         self.is_permuted = False
         self.read: set[tuple[str, int, int]] = set()
         self.written: set[tuple[str, int, int]] = set()
+        self.maxima: dict[tuple[str, int], Any] = {}
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
         name = OPERATIONS.get(type(node.op))
@@ -112,7 +117,9 @@ class VectorExpressions(ast.NodeVisitor):
         value = self.scalars.visit(node)
         if value.type != types.float64:
             raise UnsuitedError
-        return self._everywhere(value.llvm)
+        nothing = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
+        one = self.builder.insert_element(nothing, value.llvm, ir.Constant(INDEX, 0))
+        return self.builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(INDEX, self.width), None))
 
     def visit_Constant(self, node: ast.Constant) -> Any:
         kind = {float: NUMBER, int: WORD}.get(type(node.value))
@@ -160,12 +167,8 @@ class VectorExpressions(ast.NodeVisitor):
                 return counter
             case ast.Constant(int(number)):
                 return number
-            case ast.BinOp(left, ast.Add(), right):
-                return self._index_at(left, counter) + self._index_at(right, counter)
-            case ast.BinOp(left, ast.Sub(), right):
-                return self._index_at(left, counter) - self._index_at(right, counter)
-            case ast.BinOp(left, ast.Mult(), right):
-                return self._index_at(left, counter) * self._index_at(right, counter)
+            case ast.BinOp(left, ast.Add() | ast.Sub() | ast.Mult() as operation, right):
+                return OPERATORS[type(operation)](self._index_at(left, counter), self._index_at(right, counter))
             case ast.Subscript(name, inner):
                 table = self._constants(name, "i")
                 if table is not None:
@@ -179,12 +182,6 @@ class VectorExpressions(ast.NodeVisitor):
         found = self.scalars.names.get(node.id)
         return found if isinstance(found, np.ndarray) and (found.ndim, found.dtype.kind) == (1, kind) else None
 
-    def _everywhere(self, number: Any) -> Any:
-        """A vector with equal entries."""
-        nothing = ir.Constant(ir.VectorType(NUMBER, self.width), ir.Undefined)
-        one = self.builder.insert_element(nothing, number, ir.Constant(INDEX, 0))
-        return self.builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(INDEX, self.width), None))
-
     def larger(self, one: Any, other: Any) -> Any:
         return self.builder.select(self.builder.icmp_signed(">", other, one), other, one)
 
@@ -192,17 +189,6 @@ class VectorExpressions(ast.NodeVisitor):
         made = ir.FunctionType(result or kind, [kind] * len(values))
         name = f"{name}.v{kind.count}{kind.element.intrinsic_name}"
         return self.builder.call(cgutils.get_or_insert_function(self.builder.module, made, name), values)
-
-
-class VectorLoop(VectorExpressions):
-    """Vectorises a loop whose writes are affine in the index, or tabulated, and carry no dependence.
-
-    The loop may also assign local variables, and compute maxima over all entries.
-    """
-
-    def __init__(self, scalars: Expressions, node: Any):
-        super().__init__(scalars, node)
-        self.maxima: dict[tuple[str, int], Any] = {}  # addresses by variable and width
 
     def write(self) -> bool:
         """Write the loop if it can be vectorised; otherwise write nothing and return False."""
@@ -275,21 +261,25 @@ class VectorLoop(VectorExpressions):
             last = self.builder.extract_element(vector, ir.Constant(INDEX, self.width - 1))
             self.scalars.assign(name, Value(WHOLE if last.type == WORD else types.float64, last))
         for (name, _), place in self.maxima.items():
-            now = self.scalars.visit(ast.Name(name)).llvm
-            self.scalars.assign(name, Value(WHOLE, self.larger(now, self._across(self.builder.load(place)))))
+            now, vector = self.scalars.visit(ast.Name(name)).llvm, self.builder.load(place)
+            largest = self.intrinsic("llvm.vector.reduce.smax", vector.type, [vector], WORD)
+            self.scalars.assign(name, Value(WHOLE, self.larger(now, largest)))
 
     def visit_Assign(self, node: Any) -> None:
         target, *others = node.targets
         if others:
             raise UnsuitedError
-        if not isinstance(target, ast.Name):
-            self._store(target, self.visit(node.value))
-        elif _is_maximum(node.value, target.id) and target.id not in self.vectors:
-            self._take_maximum(target, node.value.args[1])
-        elif any(name == target.id for name, _ in self.maxima):
-            raise UnsuitedError
-        else:
-            self.vectors[target.id] = self.visit(node.value)
+        match target, node.value:
+            case ast.Name(name), ast.Call(ast.Name("max"), [ast.Name(first), values]) if (
+                first == name and name not in self.vectors
+            ):
+                self._take_maximum(target, values)
+            case ast.Name(name), _ if any(name == other for other, _ in self.maxima):
+                raise UnsuitedError
+            case ast.Name(name), value:
+                self.vectors[name] = self.visit(value)
+            case _, value:
+                self._store(target, self.visit(value))
 
     def _take_maximum(self, name: ast.Name, values: ast.expr) -> None:
         found = self.visit(values)
@@ -305,10 +295,6 @@ class VectorLoop(VectorExpressions):
     def _begin_maximum(self, key: tuple[str, int]) -> None:
         """Initialise a maximum."""
         self.builder.store(constant_vector(WORD, [ir.Constant(WORD, LEAST)] * key[1]), self.maxima[key])
-
-    def _across(self, vector: Any) -> Any:
-        """The largest entry of a vector."""
-        return self.intrinsic("llvm.vector.reduce.smax", vector.type, [vector], WORD)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         target = node.target
@@ -336,14 +322,6 @@ def _bounds(node: ast.expr) -> tuple[int, int] | None:
         case ast.Call(ast.Name("range"), [ast.Constant(int(first)), ast.Constant(int(end))]):
             return first, end
     return None
-
-
-def _is_maximum(node: ast.expr, name: str) -> bool:
-    """Whether an expression is the maximum of a variable and another value."""
-    match node:
-        case ast.Call(ast.Name("max"), [ast.Name(first), _]):
-            return first == name
-    return False
 
 
 def constant_vector(kind: Any, numbers: list[Any]) -> Any:

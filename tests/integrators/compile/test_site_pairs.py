@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import integrators as bi
-from integrators.compile.particle_loops import Ring
-from integrators.compile.scene_source import compiled_scene
+from integrators.compile.scene_source import Ring, compiled_scene
 
 FORCES = {
     "gravity": "-m_i*m_j^2/sqrt((qx_i - qx_j)^2 + (qy_i - qy_j)^2)",  # what counts is who is the first of a pair
