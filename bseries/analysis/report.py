@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.modified import modified_equation, series
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.modified import exact_values, modified_equation, series, table_of
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
 from bseries.analysis.order import (
@@ -231,18 +232,22 @@ def check(method: Method | str, order: int | None = None) -> Report:
         error_coefficients(method, found) if has_few_trees else None,
         _embedded_orders(method),
         {"consistent": found >= 1, **_properties(method)},
-        structure_of(method, nodes),
+        structure_of(method, nodes, found),
         _assumptions(method),
         tableau_properties(method) if isinstance(method, RungeKutta) else {},
     )
 
 
-def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVerdict]:
+def structure_of(method: Method, order: int, accuracy: int) -> dict[str, Verdict | ConjugateVerdict]:
     """Verdicts of all structure tests up to some order; none for methods with auxiliary parts."""
     if auxiliary_colors(check_method(method)):
         return {}
     exact = trusted(method)
-    flow = series(exact, order)
+    if accuracy >= order and exact.digits is None:
+        table = table_of(exact, order, None)
+        flow = BSeries(table, exact_values(table), 1, names=exact.names)
+    else:
+        flow = series(exact, order)
     # The uncertainty of a field in decimals is known only for the field of a method.
     field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
     found: dict[str, Any] = {}

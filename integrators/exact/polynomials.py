@@ -6,7 +6,7 @@ Sums, products, quotients, derivatives and values are right over any field whose
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from math import lcm
@@ -85,8 +85,12 @@ def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
         >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
         ['-1', '1']
     """
-    inverse = _by_flint(p).xgcd(_by_flint(modulus))[1]
-    return tuple(Fraction(int(a.p), int(a.q)) for a in inverse.coeffs())
+    return _fractions(_by_flint(p).xgcd(_by_flint(modulus))[1].coeffs())
+
+
+def multiply_modulo(p: Polynomial, q: Polynomial, modulus: Polynomial) -> Polynomial:
+    """The product p · q modulo another polynomial."""
+    return _fractions((_by_flint(p) * _by_flint(q) % _by_flint(modulus)).coeffs())
 
 
 def derivative(p: Polynomial) -> Polynomial:
@@ -117,16 +121,25 @@ def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fractio
         >>> solve([[Fraction(2), Fraction(1)], [Fraction(1), Fraction(1)]], [[Fraction(1)], [Fraction(0)]])
         ((Fraction(1, 1),), (Fraction(-1, 1),))
     """
-    import flint
-
-    left, values = (flint.fmpq_mat([list(map(_number, row)) for row in rows]) for rows in (matrix, right))
+    left = to_flint_matrix(matrix)
     try:
-        solution = left.solve(values).tolist()
+        return matrix_rows(left.solve(to_flint_matrix(right)))
     except ZeroDivisionError:
         raise IntegratorError(
             f"matrix must be invertible, but its rank is {left.rank()}, below {len(matrix)}"
         ) from None
-    return tuple(tuple(Fraction(int(x.p), int(x.q)) for x in row) for row in solution)
+
+
+def to_flint_matrix(rows: Iterable[Sequence[Fraction | int]]) -> Any:
+    """A rational matrix of python-flint."""
+    import flint
+
+    return flint.fmpq_mat([list(map(_number, row)) for row in rows])
+
+
+def matrix_rows(matrix: Any) -> Matrix:
+    """The rows of a rational matrix of python-flint."""
+    return tuple(map(_fractions, matrix.tolist()))
 
 
 def primitive(p: Polynomial) -> tuple[int, ...]:
@@ -174,10 +187,14 @@ def _by_flint(p: Polynomial) -> Any:
     return flint.fmpq_poly(list(map(_number, p)))
 
 
-def _number(value: Fraction) -> Any:
+def _number(value: Fraction | int) -> Any:
     import flint
 
     return flint.fmpq(value.numerator, value.denominator)
+
+
+def _fractions(values: Iterable[Any]) -> tuple[Fraction, ...]:
+    return tuple(Fraction(int(x.p), int(x.q)) for x in values)
 
 
 @cache
