@@ -11,9 +11,8 @@ import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
-from bseries.shadow.report import ShadowReport
-from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import Columns, Source, open_source
+from bseries.shadow.report import ShadowReport, Statistics
+from bseries.shadow.sources import Columns, SceneForces, Source, open_source
 from bseries.shadow.states import (
     LAYOUTS,
     MIDDLE,
@@ -28,7 +27,6 @@ from bseries.shadow.states import (
     read_states,
     refuse_thinned,
 )
-from bseries.shadow.statistics import Statistics
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
@@ -37,6 +35,8 @@ from trees.compiled import float_kernel
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""
 TOLERANCE = 1e-9
+ROUNDING = 16 * 2.0**-52
+"""Relative error of the numbers of a state."""
 USUAL_ORDER = 16
 LEAST_VALUES = 16
 """Least number of shadow energies."""
@@ -65,20 +65,20 @@ def shadow_energy(
     Args:
         trajectory: A `Trajectory`; arrays by name, (variables, times) or (times, …) each, also as a frame of pandas or
             xarray; or the path of a file: one of this package, NPZ, NPY, or text with the names of columns in its first
-            line. It has positions q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and
-            optionally t, h and mass.
+            line. It has positions q (or q1, q2, …), momenta p or velocities v, the potential U and its gradient gradU
+            or forces F; and optionally t, h and mass.
         scene: A `Scene` or the name of one, which supplies masses, potentials and forces. Trajectories of this package
             contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
         h: The step size, if neither times nor the file contain it.
         mass: A mass, one for each particle, or one for each coordinate; by default that of the file, or 1.
-        columns: The columns of each role where names do not tell: names, patterns, or places from 0 on, as in
+        columns: The columns of each role that have other names: names, patterns, or places from 0 on, as in
             ``{"q": "x*", "U": "PotEng"}`` or ``{"t": 0, "p": "1:3", "q": "3:5"}``.
         layout: The storage layout of momenta: ``full``; ``half-behind`` or ``half-ahead`` of their positions by half a
             step ("leapfrog"); or ``drift-kick-drift`` for states of that method, which needs a scene.
         period: The edge of the periodic box of wrapped positions, or one for each coordinate.
-        tolerance: The largest distance of a state from a step of the method, relative to the largest numbers; by
-            default 1e-9, or 2e-6 if an array has single precision. Text with few digits needs more.
+        tolerance: The largest distance of a state from a step of the method, relative to the largest numbers. Arrays in
+            single precision and text with few digits need more than 1e-9.
         keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
@@ -101,11 +101,10 @@ def shadow_energy(
         check_order(order)
     check_progress(progress)
     h = read_number(h, "h") if isinstance(h, str) else h
-    least = 0.0 if tolerance is None else read_number(tolerance, "tolerance")
-    if least < 0:
+    allowed = TOLERANCE if tolerance is None else read_number(tolerance, "tolerance")
+    if allowed < 0:
         raise SeriesError(f"tolerance must be 0 or more, but was {tolerance!r:.60}")
     source = open_source(trajectory, columns, None if scene is None else SceneForces(as_scene(scene)))
-    allowed = max(TOLERANCE, source.precision) if tolerance is None else least
     blocks, step, start = _timed(source, h, allowed)
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
@@ -206,7 +205,7 @@ def _measure(
         )
         steps = states.u.size
         rounding = check(states, done - (steps - piece.u.size))
-        rounding += source.precision * (float(np.max(np.abs(piece.u))) + longest(piece.p) * longest(piece.p))
+        rounding += ROUNDING * (float(np.max(np.abs(piece.u))) + longest(piece.p) * longest(piece.p))
         most_rounding, done = max(most_rounding, rounding), done + piece.u.size
         if steps > halo:
             work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
