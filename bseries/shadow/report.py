@@ -81,7 +81,7 @@ class Statistics:
         self.first = np.zeros(len(orders))
         self._moments = np.zeros((len(orders), 7))
         self._moments[:, [3, 5]], self._moments[:, [4, 6]] = np.inf, -np.inf
-        self._blocks = _empty(len(orders), BLOCKS)
+        self._blocks = _empty(len(orders))
 
     def add(self, values: np.ndarray) -> None:
         """Add the values (orders, steps) of the next steps."""
@@ -98,7 +98,7 @@ class Statistics:
 
     def _merge(self) -> None:
         """Merge blocks in pairs."""
-        pairs, merged = self._blocks, _empty(len(self.orders), BLOCKS)
+        pairs, merged = self._blocks, _empty(len(self.orders))
         one, other, half = pairs[:, ::2], pairs[:, 1::2], BLOCKS // 2
         merged[:, :half, 0] = one[..., 0] + other[..., 0]
         merged[:, :half, 1] = np.minimum(one[..., 1], other[..., 1])
@@ -143,32 +143,21 @@ def slope_error(means: np.ndarray) -> float:
     """
     errors, width = [0.0], 1
     while len(means) >= LEAST_BLOCKS:
-        rest, spread = _about_line(means)
+        places = np.arange(len(means)) - 0.5 * (len(means) - 1)
+        spread = float(places @ places)
+        rest = means - np.mean(means) - places * (float(places @ means) / spread)  # about the least-squares line
         errors.append(math.sqrt(float(rest @ rest) / (len(means) - 2) / spread) / width)
         if len(means) < 4 * LEAST_BLOCKS:
-            errors.append(math.sqrt(1.2 * _diffusion(rest) / len(means)) / width)  # of a random walk's slope
+            far = len(rest) // 4
+            near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
+            if distant > WANDERS * near:  # the slope of a random walk, whose variance grows by this per block
+                errors.append(math.sqrt(1.2 * ((distant - near) / (far - 1)) / len(means)) / width)
         means, width = means[: len(means) // 2 * 2].reshape(-1, 2).mean(axis=1), 2 * width
     return max(errors)
 
 
-def _about_line(means: np.ndarray) -> tuple[np.ndarray, float]:
-    """The residuals of the least-squares line through values, and the sum of squares of their places."""
-    places = np.arange(len(means)) - 0.5 * (len(means) - 1)
-    spread = float(places @ places)
-    return means - np.mean(means) - places * (float(places @ means) / spread), spread
-
-
-def _diffusion(rest: np.ndarray) -> float:
-    """The variance that a random walk gains per block; zero if differences do not grow with distance."""
-    far = len(rest) // 4
-    near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
-    return (distant - near) / (far - 1) if distant > WANDERS * near else 0.0
-
-
-def _empty(orders: int, blocks: int) -> np.ndarray:
-    table = np.zeros((orders, blocks, 3))
-    table[..., 1], table[..., 2] = np.inf, -np.inf
-    return table
+def _empty(orders: int) -> np.ndarray:
+    return np.tile([0.0, np.inf, -np.inf], (orders, BLOCKS, 1))
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
@@ -195,35 +184,28 @@ def _cells(row: OrderStatistics) -> list[str]:
 
 def _sentences(report: ShadowReport, bound: float | None) -> Iterator[str]:
     """The conclusions from the table, in sentences, with the step size for a bound of the energy's deviation."""
-    yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
-    yield _on_drift(report)
-    yield _on_step(report)
+    best, most = report.best, report.largest_step
+    yield f"Best order: {best.order}, scatter {best.scatter:.2g}; {LIMITS[report.limit]}."
+    drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
+    alone = f"(from the energy alone: ± {report.rows[0].drift_error:.1g})."
+    if report.has_drift:
+        change = best.drift * report.h * (report.states - 1)
+        yield f"Drift: {drift} energy per time, {change:.2g} in all {alone}"
+    else:
+        yield f"No drift: {drift} is zero within 3 standard errors {alone}"
+    if most is not None:
+        part = report.h / most
+        size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
+        where = "where order 4 is no steadier than the energy"
+        yield f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, {where}."
+    elif best.order > 2:
+        yield "Step: no order above 4 is useful; the step is small."
+    elif report.limit == "rounding":
+        yield "Step: the energy changes by no more than rounding, so the step cannot be judged."
+    else:
+        yield "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
     if bound is not None:
         yield f"The energy stays within ±{bound:g} with steps up to h = {report.step_for(bound):.3g}."
-
-
-def _on_drift(report: ShadowReport) -> str:
-    best, energy = report.best, report.rows[0]
-    change = best.drift * report.h * (report.states - 1)
-    drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
-    if not report.has_drift:
-        return (
-            f"No drift: {drift} is zero within 3 standard errors (from the energy alone: ± {energy.drift_error:.1g})."
-        )
-    return f"Drift: {drift} energy per time, {change:.2g} in all (from the energy alone: ± {energy.drift_error:.1g})."
-
-
-def _on_step(report: ShadowReport) -> str:
-    most = report.largest_step
-    if most is None and report.best.order > 2:
-        return "Step: no order above 4 is useful; the step is small."
-    if most is None and report.limit == "rounding":
-        return "Step: the energy changes by no more than rounding, so the step cannot be judged."
-    if most is None:
-        return "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
-    part = report.h / most
-    size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
-    return f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, where order 4 is no steadier than the energy."
 
 
 SIZE = (17.0, 6.0)
@@ -256,15 +238,6 @@ def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
 
 
 MOST_CURVES = 6
-
-
-def _shown_orders(known: Sequence[int], best: int) -> list[int]:
-    """The orders to the best one; the first and the last of them and some between if they are many."""
-    useful = [order for order in known if order <= best]
-    step = -(-len(useful) // (MOST_CURVES - 1))
-    return sorted({*useful[::step], best})
-
-
 GAIN = 1.25
 """Least reduction of the scatter, as a factor, that makes a higher order useful."""
 LOSS = 3.0
@@ -309,6 +282,7 @@ class ShadowReport:
         values: Mapping[int, np.ndarray] | None,
     ):
         self.label, self.h, self.start, self.states, self.values = label, h, start, states, values
+        self._end = start + h * (states - 1)
         self.rows = tuple(row._replace(mean=row.mean + offset) for row in statistics.results(h))
         self._statistics = statistics
         self._rounding = rounding
@@ -317,10 +291,6 @@ class ShadowReport:
         return (
             f"<ShadowReport of {self.label}: orders 2 to {self.rows[-1].order}, {self.states:,} states, h = {self.h:g}>"
         )
-
-    @property
-    def _end(self) -> float:
-        return self.start + self.h * (self.states - 1)
 
     @property
     def best(self) -> OrderStatistics:
@@ -470,7 +440,9 @@ class ShadowReport:
         for order in items(orders or (), "orders"):
             if order not in known:
                 raise SeriesError(f"orders must be of {', '.join(map(str, known))}, but one was {order!r:.60}")
-        chosen = _shown_orders(known, self.best.order) if orders is None else list(orders)
+        useful = known[: known.index(self.best.order) + 1]
+        step = -(-len(useful) // (MOST_CURVES - 1))
+        chosen = sorted({*useful[::step], useful[-1]}) if orders is None else list(orders)
         t, blocks = self.blocks()
         curves = {}
         for order in chosen:

@@ -10,9 +10,12 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from math import lcm
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError
+
+if TYPE_CHECKING:
+    from flint import fmpq
 
 Polynomial = tuple[Fraction, ...]
 Matrix = tuple[tuple[Fraction, ...], ...]
@@ -134,7 +137,7 @@ def to_flint_matrix(rows: Iterable[Sequence[Fraction | int]]) -> Any:
     """A rational matrix of python-flint."""
     import flint
 
-    return flint.fmpq_mat([list(map(_number, row)) for row in rows])
+    return flint.fmpq_mat([list(map(to_flint, row)) for row in rows])
 
 
 def matrix_rows(matrix: Any) -> Matrix:
@@ -166,7 +169,7 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     import flint
 
     rest = _by_flint(p)
-    exact = [Fraction(int(root.p), int(root.q)) for root, _ in rest.roots()]
+    exact = [from_flint(root) for root, _ in rest.roots()]
     for root in exact:
         rest //= _by_flint((-root, Fraction(1)))
     unit, precision = 10 ** (digits + 5), 4 * digits + 64
@@ -184,17 +187,23 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
 def _by_flint(p: Polynomial) -> Any:
     import flint
 
-    return flint.fmpq_poly(list(map(_number, p)))
+    return flint.fmpq_poly(list(map(to_flint, p)))
 
 
-def _number(value: Fraction | int) -> Any:
-    import flint
+def to_flint(value: Any) -> fmpq:
+    """An integer or fraction as a rational number of python-flint."""
+    from flint import fmpq
 
-    return flint.fmpq(value.numerator, value.denominator)
+    return fmpq(int(value.numerator), int(value.denominator))
+
+
+def from_flint(value: fmpq) -> Fraction:
+    """A rational number of python-flint as a `Fraction`."""
+    return Fraction(int(value.p), int(value.q))
 
 
 def _fractions(values: Iterable[Any]) -> tuple[Fraction, ...]:
-    return tuple(Fraction(int(x.p), int(x.q)) for x in values)
+    return tuple(map(from_flint, values))
 
 
 @cache

@@ -205,7 +205,7 @@ def test_x_y_vx_vy_are_chosen_by_their_names(arrays, tmp_path):
     path = tmp_path / "md.txt"
     np.savetxt(path, rows, header="\t".join(names), delimiter="\t", fmt="%.17g")
     assert bs.shadow_energy(path, mass=[2, 3], columns=columns).limit == "rounding"
-    with pytest.raises(bs.SeriesError, match=r"must have positions \(q\), but has .*; columns can name it, as in q=NAME"):
+    with pytest.raises(bs.SeriesError, match=r"have positions \(q\), but has .*; columns can name it, as in q=NAME"):
         bs.shadow_energy(path, mass=[2, 3])
 
 
@@ -694,10 +694,13 @@ def test_own_runs_of_other_kinds_are_refused(tmp_path):
         (lambda text: text.partition("\n")[2], "must begin with the names of its columns, but began with '0,"),
         (lambda text: text.replace("q2", "q1", 1), "must have different names, but has 'q1' twice"),
         (lambda text: text.replace("p2", "w2", 1), "p must have as many coordinates as q, 2, but has 1"),
-        (lambda text: text[:4000] + "x" + text[4000:], "must have numbers in its columns, but could not convert string '.*x"),
-        (lambda text: text[:-30] + "\n", "must have numbers in its columns, but invalid column index 7 at row 601 with 7 col"),
-        (lambda text: text.replace(",1.", ",1_0.", 1), r"must have numbers in its columns, but could not convert string '1_0\."),
-        (lambda text: text.replace(",1.", ",\u0661.", 1), r"must have numbers in its columns, but could not convert string '\u0661"),
+        (lambda text: text[:4000] + "x" + text[4000:], "numbers in its columns, but could not convert string '.*x"),
+        (lambda text: text[:-30] + "\n", "numbers in its columns, but invalid column index 7 at row 601 with 7 col"),
+        (lambda text: text.replace(",1.", ",1_0.", 1), r"numbers in its columns, but could not convert string '1_0\."),
+        (
+            lambda text: text.replace(",1.", ",\u0661.", 1),
+            r"in its columns, but could not convert string '\u0661",
+        ),
         (lambda text: "", "must begin with the names of its columns, but began with ''"),
     ],
 )
