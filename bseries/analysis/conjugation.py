@@ -66,8 +66,7 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
     """Conjugate method χ⁻¹ ∘ Φ ∘ χ: first c, then a, then the inverse of c.
 
     With Φ and χ the maps of a and c, this is compose(compose(c, a), c.inverse()), Butcher's product c a c⁻¹: c is the
-    starting method, its inverse the finishing method. n steps of the conjugate method are c, n steps of a, and the
-    inverse of c.
+    starting method, its inverse the finishing method.
 
     Raises:
         SeriesError: An argument is no flow, or the trees differ.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
 from functools import reduce
@@ -87,17 +88,15 @@ class Arithmetic:
         return self.inverse() * other
 
 
+@dataclass(slots=True, eq=False)
 class Inexact(Arithmetic):
     """A number with an error bound, both rational; it counts as zero where the bound reaches its absolute value.
 
     Integers and `Fraction`s in mixed operations are exact.
     """
 
-    __slots__ = ("error", "value")
-
-    def __init__(self, value: fmpq, error: fmpq) -> None:
-        self.value = value
-        self.error = error
+    value: fmpq
+    error: fmpq
 
     @classmethod
     def read(cls, value: Any, precision: Fraction | int = 0) -> Inexact:
@@ -161,14 +160,12 @@ class NumberField:
         return self._enclosures[bits]
 
 
+@dataclass(slots=True, eq=False)
 class RealAlgebraic(Arithmetic):
     """Element of a real number field: a polynomial in θ, the `residue` modulo the minimal polynomial of θ."""
 
-    __slots__ = ("field", "residue")
-
-    def __init__(self, field: NumberField, residue: fmpq_poly) -> None:
-        self.field = field
-        self.residue = residue
+    field: NumberField
+    residue: fmpq_poly
 
     @staticmethod
     def _lift(other: Any) -> Any:
@@ -194,10 +191,8 @@ class RealAlgebraic(Arithmetic):
         """The number as a SymPy expression."""
         import sympy
 
-        numbers = map(from_flint, self.residue.coeffs())
-        return sympy.expand(
-            sympy.Add(*(sympy.sympify(a, strict=True) * self.field.generator**k for k, a in enumerate(numbers)))
-        )
+        numbers = (sympy.sympify(from_flint(a), strict=True) for a in self.residue.coeffs())
+        return sympy.expand(sympy.Add(*(a * self.field.generator**k for k, a in enumerate(numbers))))
 
 
 def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
