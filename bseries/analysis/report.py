@@ -221,8 +221,9 @@ def check(method: Method | str, order: int | None = None) -> Report:
     method = as_method(method)
     found, tested_to = decide_order(method, order)
     is_tableau = isinstance(method, RungeKutta)
-    embedded: Any = (is_tableau and method.embedded) or ()
-    rows = (RungeKutta(method.A, b, method.c, digits=method.digits, warn=False) for b in embedded)
+    rows: list[RungeKutta] = []
+    if isinstance(method, RungeKutta):
+        rows = [RungeKutta(method.A, b, method.c, digits=method.digits, warn=False) for b in method.embedded or ()]
     is_rational = is_tableau and (method.algebra is not None or method.domain == "QQ")
     has_few_trees = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
     if order is None:

@@ -342,7 +342,7 @@ def is_rational(p: Iterable[Any]) -> bool:
     return all(isinstance(a, Fraction) for a in p)
 
 
-def _rational(p: Iterable[Fraction]) -> fmpq_poly:
+def _rational(p: Iterable[Fraction]) -> Any:
     from flint import fmpq_poly
 
     return fmpq_poly(list(map(to_flint, p)))

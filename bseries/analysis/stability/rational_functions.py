@@ -287,7 +287,7 @@ class StabilityFunction(ImmutableValue):
         return f"${self.to_latex()}$"
 
 
-def _ends(line: np.ndarray, inside: np.ndarray) -> tuple[float, float]:
+def _ends(line: np.ndarray, inside: Any) -> tuple[float, float]:
     """The ends of a region and 0 with some space, within those of a grid."""
     grid, found = line.tolist(), [*line[inside].tolist(), 0.0]
     space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
