@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.measures import energy_size, relative_change, relative_distance
-from bseries.advice.predictions.expected_errors import ONLY_ROUNDING
+from bseries.advice.predictions.run_prediction import ONLY_ROUNDING
 
 from .kinds import Figure, Measurement
 
@@ -74,6 +74,7 @@ def rows(settings: tuple[Setting, ...] = SETTINGS, methods: tuple[str, ...] = ME
 def _row(setting: Setting, method: str, h: float, span: float) -> Row:
     scene, steps = bs.scene(setting.scene), round(span / h)
     expected = bs.predict_run(method, scene, h=h, steps=steps, timed=False)
+    steps = round(expected.pilot * steps) or steps  # over which errors are expected
     every, finer = max(1, steps // LOOKS), max(1, round(h / setting.exact))
     run = bs.integrate(method, scene, h=h, steps=steps, save_every=every, observe="energy")
     exact = bs.integrate("gauss4", scene, h=h / finer, steps=steps * finer, save_every=every * finer).y

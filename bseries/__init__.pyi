@@ -47,13 +47,13 @@ from .advice.effects.influences import effect_influence as effect_influence
 from .advice.predictions.run_prediction import predict_run as predict_run
 from .advice.work_precision.precision_curves import work_precision as work_precision
 from .algebra.bseries import BSeries as BSeries
-from .algebra.composition import compose as compose
 from .algebra.modified import exact_flow as exact_flow
 from .algebra.modified import modified_equation as modified_equation
 from .algebra.modified import series as series
+from .algebra.products import compose as compose
+from .algebra.products import modifying_integrator as modifying_integrator
+from .algebra.products import substitute as substitute
 from .algebra.series_documents import load_series as load_series
-from .algebra.substitution import modifying_integrator as modifying_integrator
-from .algebra.substitution import substitute as substitute
 from .analysis import stability as stability
 from .analysis.conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .analysis.conjugation import effective_order as effective_order
@@ -65,7 +65,7 @@ from .analysis.structure import hamiltonian_field as hamiltonian_field
 from .analysis.structure import symmetry as symmetry
 from .analysis.structure import symplecticity as symplecticity
 from .analysis.structure import volume_preservation as volume_preservation
-from .conditions.generating import order_conditions as order_conditions
+from .conditions.listing import order_conditions as order_conditions
 from .document_schemas import json_schema as json_schema
 from .exceptions import SeriesError as SeriesError
 from .fields.modified_fields import modified_field as modified_field
@@ -75,7 +75,7 @@ from .fields.modified_invariants import modified_invariant as modified_invariant
 from .figures.registry import figure as figure
 from .figures.registry import figure_names as figure_names
 from .hamiltonians.brackets.campbell_hausdorff import bch as bch
-from .hamiltonians.drift.mean_rates import energy_drift as energy_drift
+from .hamiltonians.energy_drift import energy_drift as energy_drift
 from .hamiltonians.modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
 from .shadow.trajectory_energies import shadow_energy as shadow_energy
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -45,7 +44,7 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
     References:
         https://json-schema.org/draft/2020-12
     """
-    schema = json.loads(_text())
+    schema = json.loads(files("bseries").joinpath(FILE).read_text(encoding="utf-8"))
     if kind is None:
         return schema
     kinds = [name for name in schema["$defs"] if not name.startswith(SHARED)]
@@ -54,8 +53,3 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
         raise SeriesError(f"kind must be one of {', '.join(kinds)}, but was {shown(kind)}{near}")
     del schema["oneOf"]
     return {**schema, "$id": f"{schema['$id']}:{kind}", "$ref": f"#/$defs/{kind}"}
-
-
-@cache
-def _text() -> str:
-    return files("bseries").joinpath(FILE).read_text(encoding="utf-8")

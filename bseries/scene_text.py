@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from foundation.table import Column, Table
-from integrators.scenes.latex import latex_formula
+from integrators.scenes.scene import latex_formula
 
 if TYPE_CHECKING:
     import sympy

@@ -1,9 +1,9 @@
-"""Import of optional packages."""
+"""Import of optional packages, and of NumPy at its first use."""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 EXTRAS = {
     "matplotlib": "plot", "imageio_ffmpeg": "animate", "scipy": "scipy", "pandas": "frames", "xarray": "frames",
@@ -42,3 +42,27 @@ def missing_package(package: str, user: str, error: ImportError) -> MissingPacka
         return MissingPackage(f"{package} must be installed for {user}, but is missing ({error})")
     command = f"pip install '.[{EXTRAS[package]}]' in the clone of bseries-engine"
     return MissingPackage(f"{user} needs {package}: {command} ({error})")
+
+
+class LateModule:
+    """A module that is imported at its first use, for files that are listed more often than run.
+
+    Other lazy modules are in `sys.modules` before they are loaded, this one is not.
+
+    Example:
+        >>> LateModule("math").pi
+        3.141592653589793
+    """
+
+    def __init__(self, module: str):
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        value = self.__dict__[name] = getattr(import_module(self._module), name)
+        return value
+
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = LateModule("numpy")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from itertools import accumulate
 from numbers import Real
+from typing import Any
 
 from foundation.memory import refuse_beyond_memory
+from foundation.table import Column, Table
 from trees.errors import TreeError
 
 MOST_NODES = 60
@@ -46,7 +49,7 @@ def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | 
     """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all."""
     if max_children is None or not hasattr(max_children, "__iter__"):
         bound = _bound(max_children)  # pyright: ignore[reportArgumentType]
-        return tuple((UNBOUNDED,) * colors + (bound,) for _ in range(colors))
+        return ((UNBOUNDED,) * colors + (bound,),) * colors
     listed = list(max_children)  # pyright: ignore[reportArgumentType]
     if any(isinstance(row, str) or not hasattr(row, "__iter__") for row in listed):
         raise TreeError(f"max_children must be one bound or rows of bounds, but was {max_children!r:.60}")
@@ -140,6 +143,26 @@ def count_trees(
     order, colors = check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return tuple(sum(row) for row in count_by_color(order, limits)[1:])
+
+
+def count_table(counts: Sequence[int], colors: int) -> Table:
+    """Numbers of trees by their number of nodes."""
+    names = ("order", "trees", "total")
+    rows = list(zip(range(1, len(counts) + 1), counts, accumulate(counts), strict=True))
+
+    def data() -> dict[str, Any]:
+        records = [dict(zip(names, row, strict=True)) for row in rows]
+        return {"schema": 1, "kind": "tree-counts", "colors": colors, "counts": records}
+
+    return Table(
+        "Numbers of rooted trees",
+        (Column("nodes", True), Column("trees", True), Column("so far", True)),
+        rows,
+        data=data,
+        items="counts",
+        records=Table("", list(map(Column, names)), rows),
+        titled=False,
+    )
 
 
 def memory_estimate(counts: Sequence[int], colors: int) -> int:

@@ -30,13 +30,10 @@ class Drawn(NamedTuple):
     """A tree in a picture, with coordinates in pixels to the right and down from the upper left corner."""
 
     title: str
-    nodes: list[tuple[float, float, int]]
-    """Coordinates and colour of each node, in preorder."""
-    edges: list[tuple[float, float, float, float]]
-    """Coordinates of both ends of each edge."""
+    nodes: list[tuple[float, float, int]]  # coordinates and colour of each node, in preorder
+    edges: list[tuple[float, float, float, float]]  # coordinates of both ends of each edge
     caption: str
-    below: tuple[float, float]
-    """The centre of the caption's base line."""
+    below: tuple[float, float]  # the centre of the caption's base line
 
 
 class Picture(NamedTuple):
@@ -58,7 +55,9 @@ def arrange(
     names = check_names(names)
     titles = [tree_text(*tree, names) for tree in zip(levels, colors, strict=True)]
     captions = _captions(labels, titles)
-    columns = _columns(columns, len(members))
+    if columns is not None and (isinstance(columns, bool) or not isinstance(columns, int) or columns < 1):
+        raise TreeError(f"columns must be a whole number, 1 or more, but was {columns!r:.60}")
+    columns = min(10 if columns is None else columns, len(members))
     shapes = [*map(_tidy, levels)]
     widths, heights = [], []
     for (xs, ys), caption in zip(shapes, captions, strict=True):
@@ -108,14 +107,6 @@ def _captions(labels: bool | Iterable[str], titles: list[str]) -> list[str]:
     if len(captions) != len(titles):
         raise TreeError(f"labels must be one per tree, {len(titles)}, but were {len(captions)}")
     return captions
-
-
-def _columns(columns: int | None, count: int) -> int:
-    if columns is None:
-        return min(count, 10)
-    if isinstance(columns, bool) or not isinstance(columns, int) or columns < 1:
-        raise TreeError(f"columns must be a whole number, 1 or more, but was {columns!r:.60}")
-    return min(columns, count)
 
 
 def _edges(levels: Sequence[int]) -> list[tuple[int, int]]:
@@ -168,9 +159,6 @@ def svg(
         labels: Captions below the trees: True for their texts, or one string per tree.
         names: The names of the colours in texts; None for the default names.
 
-    Returns:
-        The SVG document.
-
     Raises:
         TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
 
@@ -212,9 +200,6 @@ def draw(
         trees: As for `svg`, like `columns`, `labels` and `names`.
         ax: The axes, whose frame is hidden; None for a new figure of suitable size.
 
-    Returns:
-        The axes.
-
     Raises:
         TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree, or
             `ax` is no axes.
@@ -229,33 +214,29 @@ def draw(
     picture = arrange(trees, columns, labels, names)
     size = picture.width, picture.height  # one point per pixel
     with drawing(ax, TreeError, in_centimetres(size), frame=False) as axes:
-        _draw(picture, axes, fit_picture(axes, size))
+        from matplotlib import collections
+
+        scale = fit_picture(axes, size)  # of lengths in points
+        nodes = [node for tree in picture.drawn for node in tree.nodes]
+        edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
+        diameters = [2 * RADIUS] * len(nodes)
+        circles = collections.EllipseCollection(
+            diameters,
+            diameters,
+            [0.0] * len(nodes),
+            units="xy",
+            offsets=[(x, y) for x, y, _ in nodes],
+            offset_transform=axes.transData,
+            facecolors=[_fill(color) for _, _, color in nodes],
+            edgecolors="black",
+            linewidths=LINE * scale,
+            zorder=2,
+        )
+        axes.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
+        axes.add_collection(circles)
+        for tree in picture.drawn:
+            axes.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
     return axes
-
-
-def _draw(picture: Picture, ax: Axes, scale: float) -> None:
-    """Draw a picture on axes, with lengths in points scaled."""
-    from matplotlib import collections
-
-    nodes = [node for tree in picture.drawn for node in tree.nodes]
-    edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
-    diameters = [2 * RADIUS] * len(nodes)
-    circles = collections.EllipseCollection(
-        diameters,
-        diameters,
-        [0.0] * len(nodes),
-        units="xy",
-        offsets=[(x, y) for x, y, _ in nodes],
-        offset_transform=ax.transData,
-        facecolors=[_fill(color) for _, _, color in nodes],
-        edgecolors="black",
-        linewidths=LINE * scale,
-        zorder=2,
-    )
-    ax.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
-    ax.add_collection(circles)
-    for tree in picture.drawn:
-        ax.text(*tree.below, tree.caption, ha="center", va="baseline", fontsize=FONT * scale, parse_math=False)
 
 
 def _fill(color: int) -> str:

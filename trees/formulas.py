@@ -36,7 +36,9 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
     levels = tree.levels
     for children, name in zip(_children(parents_of(levels)), node_names(tree.colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
-        labels.append("f" + part + _derivative(len(children), latex))
+        count = len(children)
+        prime = "'" * count if count <= 3 else f"^{{({count})}}" if latex else f"^({count})"
+        labels.append("f" + part + prime)
     return nest(levels, labels, "(", ")")
 
 
@@ -106,13 +108,6 @@ def _is_latex(format: str) -> bool:
     if format not in ("text", "latex"):
         raise TreeError(f"format must be 'text' or 'latex', but was {format!r:.60}")
     return format == "latex"
-
-
-def _derivative(count: int, latex: bool) -> str:
-    """The mark of a derivative: up to three primes, or its order in parentheses."""
-    if count <= 3:
-        return "'" * count
-    return f"^{{({count})}}" if latex else f"^({count})"
 
 
 def latex_name(name: str) -> str:

@@ -178,7 +178,7 @@ def free_tree_classes(
     blocks: bool = False,
     max_children: Iterable[Iterable[float | None]] | float | None = None,
 ) -> tuple[FreeTree, ...]:
-    """The free trees with 1 … `order` nodes.
+    """The free trees with 1 … `order` nodes, ascending by representative.
 
     The modified Hamiltonian of a method for y' = J ∇H has one term for each free tree that is not superfluous.
 
@@ -189,9 +189,6 @@ def free_tree_classes(
             they are parts of a sum of systems. The roots for blocks have no colour and are written as p, except in
             separable systems, where their colour distinguishes kinetic and potential energy.
         max_children: Bounds on children, as for `TreeTable`, which moves of the root must respect.
-
-    Returns:
-        The free trees, ascending by representative.
 
     Raises:
         TreeError: An argument is out of range, or a move of the root violates the bounds.

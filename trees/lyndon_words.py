@@ -1,14 +1,11 @@
-"""Lyndon words, and the tall trees whose colours spell them.
+"""Lyndon words, each smaller than all its rotations.
 
-A tall tree has one leaf; its colours, from the root to the leaf, spell a word. A Lyndon word is smaller than all its
-rotations. Lyndon words freely generate the shuffle algebra (Radford 1979) and index bases of the free Lie algebra.
+They freely generate the shuffle algebra (Radford 1979) and index bases of the free Lie algebra.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-
-from trees.tree import Tree
+from collections.abc import Iterator
 
 
 def lyndon_words(length: int, letters: int) -> Iterator[tuple[int, ...]]:
@@ -31,8 +28,3 @@ def count_lyndon_words(length: int, letters: int) -> list[int]:
         shorter = sum(d * counts[d - 1] for d in range(1, n) if n % d == 0)
         counts.append((letters**n - shorter) // n)
     return counts
-
-
-def lyndon_trees(order: int, colors: int) -> Sequence[Tree]:
-    """The tall trees whose colours from the root spell a Lyndon word, in the order of a tree table."""
-    return sorted(Tree.from_levels(range(len(word)), word) for word in lyndon_words(order, colors))

@@ -1,22 +1,23 @@
-"""Notations of trees: names of colours, text, preorder sequences of levels and colours, networkx graphs.
+"""Notations of trees: names of colours, text, preorder sequences of levels and colours.
 
 All notations are converted from and to levels and colours, without recursion, so trees can be arbitrarily tall.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+import re
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 from trees.errors import TreeError
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 _LETTERS = "abcdefghijklmnorsuvwxyz"  # t is the uncoloured node; p and q are the two blocks of a partitioned system
 
 MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
+TOKEN = re.compile(r"[^\W_τ][^\Wτ]*|\S")
+"""A word, or a symbol."""
 
 
 @runtime_checkable
@@ -26,24 +27,21 @@ class TreeLike(Protocol):
     @property
     def order(self) -> int:
         """The number of nodes."""
-        ...
 
     @property
     def levels(self) -> Sequence[int]:
         """The distance of each node from the root, in preorder."""
-        ...
 
     @property
     def colors(self) -> Sequence[int]:
         """The colour of each node, in preorder."""
-        ...
 
     @property
     def density(self) -> int:
         """The product of the orders of all subtrees."""
-        ...
 
 
+@lru_cache(maxsize=64)
 def default_names(colors: int) -> tuple[str, ...]:
     """The default names of colours: "" for one colour, p and q for two, for more the other letters except t.
 
@@ -51,23 +49,14 @@ def default_names(colors: int) -> tuple[str, ...]:
         >>> default_names(1), default_names(2), default_names(3)
         (('',), ('p', 'q'), ('a', 'b', 'c'))
     """
-    return tuple(_default_name(color, colors - 1) for color in range(colors))
-
-
-def _default_name(color: int, largest: int) -> str:
-    if largest <= 1:
-        return "pq"[color] if largest else ""
-    cycle, letter = divmod(color, len(_LETTERS))
-    return _LETTERS[letter] + (str(cycle) if cycle else "")
+    if colors < 3:
+        return ("p", "q") if colors == 2 else ("",)
+    cycles = (divmod(color, len(_LETTERS)) for color in range(colors))
+    return tuple(_LETTERS[letter] + (str(cycle) if cycle else "") for cycle, letter in cycles)
 
 
 def default_color(name: str) -> int | None:
-    """The colour with a default name among three or more colours; None if there is none.
-
-    Example:
-        >>> default_color("c"), default_color("a1"), default_color("p")
-        (2, 23, None)
-    """
+    """The colour with a default name among three or more colours; None if there is none."""
     letter, cycle = _LETTERS.find(name[0]), name[1:]
     if letter < 0 or cycle.startswith("0") or not is_number(cycle or "0"):
         return None
@@ -98,28 +87,16 @@ def check_names(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def node_names(colors: Sequence[int], names: Iterable[str] | None = None) -> list[str]:
-    """The name of each node's colour, by default the default name.
-
-    Example:
-        >>> node_names((0, 1, 0)), node_names((0, 0))
-        (['p', 'q', 'p'], ['', ''])
-    """
+    """The name of each node's colour, by default the default name."""
     largest = max(colors)
-    if names is None:
-        return [_default_name(color, largest) for color in colors]
-    checked = check_names(names)
+    checked = default_names(largest + 1) if names is None else check_names(names)
     if largest >= len(checked):
         raise TreeError(f"names must name the colours 0 to {largest}, but were {checked!r:.60}")
     return [checked[color] for color in colors]
 
 
 def parents_of(levels: Sequence[int]) -> list[int]:
-    """The parent of each node, as index in preorder; −1 for the root.
-
-    Example:
-        >>> parents_of((0, 1, 2, 1))
-        [-1, 0, 1, 0]
-    """
+    """The parent of each node, as index in preorder; −1 for the root."""
     path: list[int] = []  # the nodes from the root to the current one
     parents = []
     for node, level in enumerate(levels):
@@ -129,12 +106,7 @@ def parents_of(levels: Sequence[int]) -> list[int]:
 
 
 def nest(levels: Sequence[int], labels: Iterable[str], opening: str, closing: str) -> str:
-    """A tree as nested text: each node's label, then its children in brackets, separated by commas.
-
-    Example:
-        >>> nest((0, 1, 2, 1), "abcd", "(", ")")
-        'a(b(c),d)'
-    """
+    """A tree as nested text: each node's label, then its children in brackets, separated by commas."""
     parts = []
     for level, following, label in zip(levels, (*levels[1:], 0), labels, strict=True):
         parts.append(label + (opening if following > level else closing * (level - following) + ","))
@@ -167,7 +139,7 @@ def parse(text: str, names: Iterable[str] | None = None) -> tuple[list[int], lis
     start = text.lstrip()
     if start.startswith("[") and start[1:].lstrip().startswith(tuple("-0123456789")):
         return _read_numbers(text)
-    levels, words = _BracketReader(text).read()
+    levels, words = _read_brackets(text)
     return levels, _resolve(text, words, checked)
 
 
@@ -195,76 +167,49 @@ def _read_numbers(text: str) -> tuple[list[int], list[int]]:
     return sequences[0], sequences[1] if len(sequences) > 1 else [0] * len(sequences[0])
 
 
-def _tokens(text: str) -> Iterator[tuple[int, str]]:
-    """The words and symbols of a text, with positions from 1."""
-    start = 0
-    while start < len(text):
-        stop = start + 1
-        if text[start].isalnum() and text[start] != "τ":
-            while stop < len(text) and (text[stop].isalnum() or text[stop] == "_") and text[stop] != "τ":
-                stop += 1
-        if not text[start].isspace():
-            yield start + 1, text[start:stop]
-        start = stop
-
-
-class _BracketReader:
-    """Parser of a tree in brackets."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.levels: list[int] = []
-        self.words: list[tuple[int, str]] = []  # position and colour name (or "") of each node
-        self.open: list[tuple[int, int]] = []  # position and node of each unclosed bracket
-        self.item = 0  # the root of the subtree read last
-
-    def read(self) -> tuple[list[int], list[tuple[int, str]]]:
-        previous = ""
-        tokens = _tokens(self.text)
-        for position, token in tokens:
-            if token in ("]", ",", "^") and (not self.open or previous in ("[", ",")):
-                raise self.error("empty brackets" if previous + token == "[]" else f"a stray '{token}'", position)
-            if token == "]":
-                self.item = self.open.pop()[1]
-            elif token == "^":
-                exponent = "" if previous == "^" else next(tokens, (0, ""))[1]
-                self.repeat(exponent, position)
-            elif token == "[" and is_name(previous):
-                self.open.append((position, self.item))
-            elif token != ",":
-                self.add_node(token, position)
-            previous = token
-        if self.open:
-            raise self.error("a bracket that is never closed", self.open[-1][0])
-        if not self.levels:
-            raise _error(self.text, "is empty")
-        return self.levels, self.words
-
-    def error(self, problem: str, position: int) -> TreeError:
-        return _error(self.text, f"has {problem} at position {position}")
-
-    def add_node(self, token: str, position: int) -> None:
-        named = is_name(token)
-        if not named and token not in ("[", "t", "τ"):
-            raise self.error("the empty tree ∅, which is no tree," if token == "∅" else f"{token!r:.60}", position)
-        if self.levels and not self.open:
-            raise self.error("a second tree", position)
-        self.item = len(self.levels)
-        self.extend([len(self.open)], [(position, token if named else "")], 1, position)
-        if token == "[":
-            self.open.append((position, self.item))
-
-    def repeat(self, exponent: str, position: int) -> None:
-        if not (exponent.isascii() and exponent.isdigit() and exponent.strip("0")):
-            raise self.error("a '^' without one positive number", position)
-        copies = int(exponent) if is_number(exponent) else MAX_ORDER + 1
-        self.extend(self.levels[self.item :], self.words[self.item :], copies - 1, position)
-
-    def extend(self, levels: list[int], words: list[tuple[int, str]], copies: int, position: int) -> None:
-        if len(self.levels) + len(levels) * copies > MAX_ORDER:
-            raise self.error(f"more than {MAX_ORDER} nodes", position)
-        self.levels += levels * copies
-        self.words += words * copies
+def _read_brackets(text: str) -> tuple[list[int], list[tuple[int, str]]]:
+    """The levels of the nodes of a tree in brackets, with the position and the name (or "") of each node's colour."""
+    levels: list[int] = []
+    words: list[tuple[int, str]] = []
+    unclosed: list[tuple[int, int]] = []  # position and node of each bracket
+    item, previous = 0, ""  # the root of the subtree read last, and the last token
+    tokens = ((found.start() + 1, found[0]) for found in TOKEN.finditer(text))
+    for position, token in tokens:
+        problem, copies = "", 0  # of the last subtree, to be added
+        if token in ("]", ",", "^") and (not unclosed or previous in ("[", ",")):
+            problem = "empty brackets" if previous + token == "[]" else f"a stray '{token}'"
+        elif token == "]":
+            item = unclosed.pop()[1]
+        elif token == "^":
+            exponent = "" if previous == "^" else next(tokens, (0, ""))[1]
+            if exponent.isascii() and exponent.isdigit() and exponent.strip("0"):
+                copies = int(exponent) - 1 if is_number(exponent) else MAX_ORDER
+            else:
+                problem = "a '^' without one positive number"
+        elif token == "[" and is_name(previous):
+            unclosed.append((position, item))
+        elif token != ",":
+            if not is_name(token) and token not in ("[", "t", "τ"):
+                problem = "the empty tree ∅, which is no tree," if token == "∅" else f"{token!r:.60}"
+            elif levels and not unclosed:
+                problem = "a second tree"
+            item = len(levels)
+            levels.append(len(unclosed))
+            words.append((position, token if is_name(token) else ""))
+            if token == "[":
+                unclosed.append((position, item))
+        if len(levels) + (len(levels) - item) * copies > MAX_ORDER:
+            problem = problem or f"more than {MAX_ORDER} nodes"
+        if problem:
+            raise _error(text, f"has {problem} at position {position}")
+        levels += levels[item:] * copies
+        words += words[item:] * copies
+        previous = token
+    if unclosed:
+        raise _error(text, f"has a bracket that is never closed at position {unclosed[-1][0]}")
+    if not levels:
+        raise _error(text, "is empty")
+    return levels, words
 
 
 def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] | None) -> list[int]:
@@ -285,63 +230,3 @@ def _resolve(text: str, words: Sequence[tuple[int, str]], names: Sequence[str] |
             raise _error(text, f"has the colour {word!r:.40}, not one of {choice:.40}, at position {position}")
         colors.append(color)
     return colors
-
-
-def to_networkx(levels: Sequence[int], colors: Sequence[int]) -> nx.DiGraph:
-    """A tree as a directed graph with the attribute ``color`` of nodes 0, 1, … in preorder.
-
-    Example:
-        >>> list(to_networkx((0, 1, 1, 2), (0, 0, 0, 0)).edges)
-        [(0, 1), (0, 2), (2, 3)]
-    """
-    import networkx as nx
-
-    graph = nx.DiGraph()
-    for node, parent in enumerate(parents_of(levels)):
-        graph.add_node(node, color=colors[node])
-        if node:
-            graph.add_edge(parent, node)
-    return graph
-
-
-def from_networkx(graph: nx.Graph, root: Any = None) -> tuple[list[int], list[Any]]:
-    """Levels and colours, in preorder, of a tree given as a graph, as for `Tree.from_networkx`.
-
-    Example:
-        >>> import networkx as nx
-        >>> from_networkx(nx.path_graph(3), root=1)
-        ([0, 1, 1], [0, 0, 0])
-    """
-    if not all(hasattr(graph, name) for name in ("is_directed", "adj", "nodes")):
-        raise TreeError(f"graph must be a networkx graph, but was {graph!r:.60}")
-    if graph.number_of_edges() != len(graph) - 1:
-        raise TreeError(
-            "graph must be a tree, with one edge fewer than nodes, "
-            f"but has {len(graph)} nodes and {graph.number_of_edges()} edges"
-        )
-    root = _root(graph, root)
-    import networkx as nx
-
-    depths = nx.single_source_shortest_path_length(graph, root)
-    for node in graph:
-        if node not in depths:
-            raise TreeError(
-                f"graph must be connected and without cycles, but node {node!r:.60} is not reached from the root"
-            )
-    preorder = list(nx.dfs_preorder_nodes(graph, root))
-    return [depths[node] for node in preorder], [graph.nodes[node].get("color", 0) for node in preorder]
-
-
-def _root(graph: nx.Graph, root: Any) -> Any:
-    """The root of a graph, given or found."""
-    if root is not None:
-        if root not in graph:
-            raise TreeError(f"root must be a node of the graph, but was {root!r:.60}")
-        return root
-    if not graph.is_directed():
-        raise TreeError("root must be given if the graph is undirected, but was None")
-    parents = {child for node in graph for child in graph.adj[node]}
-    roots = [node for node in graph if node not in parents]
-    if len(roots) != 1:
-        raise TreeError(f"graph must have one node without a parent, the root, but has {len(roots)}")
-    return roots[0]

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-from foundation.table import Table, as_frame, as_html, as_text
-from trees import kernels
+from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
+from trees import counting, kernels
 from trees.compiled import compiling_pays
-from trees.counting import (
-    UNBOUNDED,
-    Limits,
-    check_order,
-    check_size,
-    count_by_color,
-    memory_estimate,
-    normal_limits,
-    refuse_table_beyond_memory,
-)
+from trees.counting import Limits, check_order, normal_limits
 from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
-from trees.listing import listing
+from trees.notation import default_names
 from trees.tree import Tree
 
 if TYPE_CHECKING:
@@ -45,25 +37,15 @@ class Splits(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """The columns for kernels: arrays if the table is compiled, else lists.
+    """The columns for kernels: arrays if the table is compiled, else lists. Of every tree, those of `TreeTable`."""
 
-    Attributes:
-        block: The first id, by number of nodes and root colour.
-        order: Number of nodes of every tree.
-        color: Root colour of every tree.
-        left: Id of every tree without its largest child; −1 for single nodes.
-        right: Id of the largest child of every tree; −1 for single nodes.
-        base_start: The start of `base`, by number of nodes.
-        base: The start of the Butcher products, by tree and block of the right factor.
-    """
-
-    block: Any
+    block: Any  # the first id, by number of nodes and root colour
     order: Any
     color: Any
     left: Any
     right: Any
-    base_start: Any
-    base: Any
+    base_start: Any  # the start of `base`, by number of nodes
+    base: Any  # the start of the Butcher products, by tree and block of the right factor
 
 
 class TreeTable(Sequence[Tree]):
@@ -101,7 +83,7 @@ class TreeTable(Sequence[Tree]):
     def __init__(
         self, order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
     ):
-        self.max_order, self.colors = check_size(order, colors)
+        self.max_order, self.colors = counting.check_size(order, colors)
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
         self._trees: dict[int, Tree] = {}
@@ -244,7 +226,7 @@ class TreeTable(Sequence[Tree]):
         """The restriction, as the argument of that name; None if there is none."""
         if self.limits == normal_limits(self.colors, None):
             return None
-        return [[None if bound == UNBOUNDED else bound for bound in row] for row in self.limits]
+        return [[None if bound == counting.UNBOUNDED else bound for bound in row] for row in self.limits]
 
     def __repr__(self) -> str:
         restricted = "" if self.max_children is None else f", max_children={self.max_children}"
@@ -265,7 +247,50 @@ class TreeTable(Sequence[Tree]):
             <BLANKLINE>
             σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings.
         """
-        return listing(self, self.max_order, self.colors)
+        colors = default_names(self.colors)
+        names = colors if len(colors) > 1 else None
+
+        def latex(formula: str) -> Any:
+            return lambda row: f"${getattr(row[1], formula)('latex', names)}$"
+
+        fields = {
+            "id": itemgetter(0),
+            "tree": lambda row: row[1].text(names),
+            "levels": lambda row: list(row[1].levels),
+            "colors": lambda row: list(row[1].colors),
+            "order": lambda row: row[1].order,
+            "symmetry": lambda row: row[1].symmetry,
+            "density": lambda row: row[1].density,
+            "alpha": lambda row: row[1].alpha,
+            "differential": lambda row: row[1].differential(names=names),
+            "weight": lambda row: row[1].weight(names=names),
+        }
+        columns = (
+            Column("id", True, fields["id"]),
+            Column("|τ|", True, fields["order"]),
+            Column("tree τ", get=fields["tree"], latex=lambda row: f"${fields['tree'](row)}$".replace("τ", r"\tau ")),
+            Column("σ", True, fields["symmetry"]),
+            Column("γ", True, fields["density"]),
+            Column("α", True, fields["alpha"]),
+            Column("differential", get=fields["differential"], latex=latex("differential")),
+            Column("elementary weight", get=fields["weight"], latex=latex("weight")),
+        )
+        rows: LazyRows = LazyRows(lambda: enumerate(self), len(self))
+
+        def data() -> dict[str, Any]:
+            records = [{name: get(row) for name, get in fields.items()} for row in rows]
+            return {"schema": 1, "kind": "trees", "order": self.max_order, "colors": list(colors), "trees": records}
+
+        return Table(
+            f"{len(self)} rooted trees with at most {self.max_order} nodes",
+            columns,
+            rows,
+            ["σ: symmetry; γ: density, the exact flow has 1/γ; α = |τ|!/(σγ): number of monotonic labellings."],
+            data=data,
+            items="trees",
+            section=fields["order"],
+            records=listed(fields.items(), rows),
+        )
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
@@ -273,19 +298,7 @@ class TreeTable(Sequence[Tree]):
         return svg(self) if len(self) <= MAX_TREES else None
 
     def plot(self, ax: Axes | None = None, *, columns: int | None = None, labels: bool = True) -> Axes:
-        """The picture of all trees, in the order of their ids.
-
-        Args:
-            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-            columns: The number of trees in a row; None for at most 10.
-            labels: Whether the texts of the trees stand below them.
-
-        Returns:
-            The axes.
-
-        Raises:
-            TreeError: There are more than 2,000 trees, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
+        """The picture of all trees, in the order of their ids; arguments and errors are those of `draw`.
 
         Example:
             >>> [text.get_text() for text in TreeTable(3).plot().texts]
@@ -358,16 +371,13 @@ class TreeTable(Sequence[Tree]):
     @cached_property
     def symmetry_and_density(self) -> tuple[Any, Any]:
         """The columns σ and γ: arrays if the table is compiled and they fit in int64, else lists."""
-        compiled = self.compiled and self.max_order <= 20
-        if not compiled:
+        if self.compiled and self.max_order <= 20:
+            run, (order, _, left, right) = kernels.symmetry_and_density.compiled, self.columns[1:5]
+            symmetry, density, multiplicity = (self.column(len(self), dtype) for dtype in ("int64", "int64", "int8"))
+        else:
+            run, (order, _, left, right) = kernels.symmetry_and_density.py_func, self.lists
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
-            order, _, left, right = self.lists
-            kernels.symmetry_and_density.py_func(order, left, right, symmetry, density, multiplicity)
-            return symmetry, density
-        symmetry, density = self.column(len(self), "int64"), self.column(len(self), "int64")
-        kernels.symmetry_and_density.compiled(
-            self.columns.order, self.columns.left, self.columns.right, symmetry, density, self.column(len(self))
-        )
+        run(order, left, right, symmetry, density, multiplicity)
         return symmetry, density
 
     @cached_property
@@ -405,13 +415,6 @@ class TreeTable(Sequence[Tree]):
             into.start, into.trunk, into.branch, self.column(self.max_order, "int32"),
         )  # fmt: skip
 
-    def list_partitions(self, start: Any, skeleton: Any, part: Any) -> None:
-        """Fill the columns of `Partitions`."""
-        self.run(kernels.list_partitions)(
-            0, len(self), self.max_order, self.colors, *self.columns, start, skeleton, part,
-            self.column(self.max_order, "int32"),
-        )  # fmt: skip
-
     def split_chunks(self) -> Iterator[Splits]:
         """The splits of all trees, ids ascending: first the kept ones, then the others in chunks."""
         kept = self.splits
@@ -432,12 +435,12 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
     what = f"a table of trees with {order} nodes in {len(limits)} colours"
     # Growth is geometric, so the first order that does not fit decides.
     for n in sorted({min(order, 10), min(order, 16), min(order, 24), min(order, 40), order}):
-        counts = count_by_color(n, limits)
+        counts = counting.count_by_color(n, limits)
         sizes = [sum(row) for row in counts[1:]]
         if sum(sizes) >= 2**31:
             raise TreeError(f"order must be smaller: {what} would hold more than 2^31 trees")
-        refuse_table_beyond_memory(memory_estimate(sizes, len(limits)), what)
-    return count_by_color(order, limits)
+        counting.refuse_table_beyond_memory(counting.memory_estimate(sizes, len(limits)), what)
+    return counting.count_by_color(order, limits)
 
 
 @lru_cache(maxsize=16)
@@ -450,49 +453,39 @@ def tree_table(
     order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
 ) -> TreeTable:
     """The table for these arguments; tables of up to a million trees are cached."""
-    order, colors = check_size(order, colors)
+    order, colors = counting.check_size(order, colors)
     limits = normal_limits(colors, max_children)
     return _kept_table(order, limits) or TreeTable(order, colors, limits)
 
 
 class Partitions(NamedTuple):
-    """All partitions of the trees of a table; the 2^(n−1) of a tree with n nodes begin at start[n] + tree·2^(n−1).
-
-    Attributes:
-        start: The start of the lists, by number of nodes.
-        skeleton: Id of the tree with every part contracted to a node.
-        part: Id of the part that contains the root.
-        kept: The number of partitions of trees below the largest order.
-    """
+    """All partitions of the trees of a table; the 2^(n−1) of a tree with n nodes begin at start[n] + tree·2^(n−1)."""
 
     start: Any
-    skeleton: Any
-    part: Any
-    kept: int
+    skeleton: Any  # id of the tree with every part contracted to a node
+    part: Any  # id of the part that contains the root
+    kept: int  # the number of partitions of trees below the largest order
 
 
 @lru_cache(maxsize=4)
 def partitions_of(table: TreeTable) -> Partitions:
     """The partitions of all trees of a table, cached for the last four tables.
 
-    Example:
-        >>> partitions = partitions_of(TreeTable(4))
-        >>> len(partitions.skeleton)
-        43
-
-    References:
-        P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010), §3.2,
-        doi:10.1007/s10208-010-9065-1.
+    P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010), §3.2,
+    doi:10.1007/s10208-010-9065-1.
     """
     if table.limits != normal_limits(table.colors, None):
         raise TreeError(f"table must hold all trees, since skeletons have any number of children, but was {table!r}")
     sizes = table.sizes
     total = sum(size << n for n, size in enumerate(sizes))
-    refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
+    counting.refuse_table_beyond_memory(24 * total, f"a list of {total} partitions")
     start, begin = [0], 0
     for n in range(1, table.max_order + 1):
         start.append(begin - (table.ids(n).start << (n - 1)))
         begin += sizes[n - 1] << (n - 1)
     starts, skeleton, part = table.column(start), table.column(total, "int32"), table.column(total, "int32")
-    table.list_partitions(starts, skeleton, part)
+    stack = table.column(table.max_order, "int32")
+    table.run(kernels.list_partitions)(
+        0, len(table), table.max_order, table.colors, *table.columns, starts, skeleton, part, stack
+    )
     return Partitions(starts, skeleton, part, total - (sizes[-1] << (table.max_order - 1)))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from trees.drawing import draw, svg
 from trees.errors import TreeError
 from trees.formulas import elementary_differential, elementary_weight, order_condition
-from trees.notation import MAX_ORDER, from_networkx, parse, to_networkx, tree_text
+from trees.notation import MAX_ORDER, parents_of, parse, tree_text
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -84,9 +84,6 @@ class Tree:
             children: The children of the root, in any order.
             color: The colour of the root.
 
-        Returns:
-            The tree.
-
         Raises:
             TreeError: If a child is not a tree, the colour is not 0, 1, …, or there are too many nodes.
 
@@ -110,9 +107,6 @@ class Tree:
         Args:
             levels: The distance of each node from the root: 0 for the root, then at most 1 more than the entry before.
             colors: The colour of each node; all 0 if None.
-
-        Returns:
-            The tree.
 
         Raises:
             TreeError: If these are not the levels and colours of one tree.
@@ -141,9 +135,6 @@ class Tree:
                 is its colour, by default 0.
             root: The root; needed if the graph is undirected, and otherwise the only node without a parent.
 
-        Returns:
-            The tree.
-
         Raises:
             TreeError: If the graph is not a tree with this root, or a colour is not 0, 1, ….
 
@@ -152,11 +143,41 @@ class Tree:
             >>> Tree.from_networkx(nx.path_graph(3), root=1)
             Tree('[τ,τ]')
         """
-        return Tree.from_levels(*from_networkx(graph, root))
+        if not all(hasattr(graph, name) for name in ("is_directed", "adj", "nodes")):
+            raise TreeError(f"graph must be a networkx graph, but was {graph!r:.60}")
+        if graph.number_of_edges() != len(graph) - 1:
+            raise TreeError(
+                "graph must be a tree, with one edge fewer than nodes, "
+                f"but has {len(graph)} nodes and {graph.number_of_edges()} edges"
+            )
+        import networkx as nx
+
+        root = _root(graph, root)
+        depths = nx.single_source_shortest_path_length(graph, root)
+        for node in graph:
+            if node not in depths:
+                raise TreeError(
+                    f"graph must be connected and without cycles, but node {node!r:.60} is not reached from the root"
+                )
+        preorder = list(nx.dfs_preorder_nodes(graph, root))
+        colors = (graph.nodes[node].get("color", 0) for node in preorder)
+        return Tree.from_levels((depths[node] for node in preorder), colors)
 
     def to_networkx(self) -> nx.DiGraph:
-        """The tree as a directed graph; see `trees.notation.to_networkx`."""
-        return to_networkx(self.levels, self.colors)
+        """The tree as a directed graph with the attribute ``color`` of nodes 0, 1, … in preorder.
+
+        Example:
+            >>> list(Tree("[τ,[τ]]").to_networkx().edges)
+            [(0, 1), (0, 2), (2, 3)]
+        """
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        for node, (parent, color) in enumerate(zip(parents_of(self.levels), self.colors, strict=True)):
+            graph.add_node(node, color=color)
+            if node:
+                graph.add_edge(parent, node)
+        return graph
 
     @property
     def color(self) -> int:
@@ -185,9 +206,6 @@ class Tree:
 
     def preorder(self) -> Iterator[tuple[int, Tree]]:
         """The level and subtree of each node, in preorder.
-
-        Returns:
-            An iterator over pairs.
 
         Example:
             >>> list(Tree("[τ,[τ]]").preorder())[2:]
@@ -243,13 +261,10 @@ class Tree:
         return factorial(self._order) // self.symmetry
 
     def butcher_product(self, other: Tree) -> Tree:
-        """The Butcher product τ∘θ: `other` becomes one more child of the root.
+        """The Butcher product τ∘θ, neither commutative nor associative: `other` becomes one more child of the root.
 
         Args:
             other: The tree θ.
-
-        Returns:
-            The product, neither commutative nor associative.
 
         Raises:
             TreeError: If `other` is not a tree, or there are too many nodes.
@@ -265,9 +280,6 @@ class Tree:
 
         Args:
             names: One name per colour; None for the default names (none, p and q, or a, b, c, …).
-
-        Returns:
-            The text.
 
         Raises:
             TreeError: If a name is invalid or a colour has none.
@@ -300,18 +312,7 @@ class Tree:
         return svg(self)
 
     def plot(self, ax: Axes | None = None, names: Iterable[str] | None = None) -> Axes:
-        """The picture of the tree, with the root at the bottom; `draw` has tables of trees.
-
-        Args:
-            ax: The axes, whose frame is hidden; None for a new figure of suitable size.
-            names: The names of the colours, as for `draw`.
-
-        Returns:
-            The axes.
-
-        Raises:
-            TreeError: The tree has more than 1,000 nodes, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
+        """The picture of the tree, with the root at the bottom; arguments and errors are those of `draw`.
 
         Example:
             >>> Tree("[τ,[τ]]").plot().figure.savefig("/dev/null", format="pdf")
@@ -355,6 +356,21 @@ def _compare(first: Tree, second: Tree) -> int:
                 return b._order - a._order
         pairs += children
     return 0
+
+
+def _root(graph: nx.Graph, root: Any) -> Any:
+    """The root of a graph, given or found."""
+    if root is not None:
+        if root not in graph:
+            raise TreeError(f"root must be a node of the graph, but was {root!r:.60}")
+        return root
+    if not graph.is_directed():
+        raise TreeError("root must be given if the graph is undirected, but was None")
+    parents = {child for node in graph for child in graph.adj[node]}
+    roots = [node for node in graph if node not in parents]
+    if len(roots) != 1:
+        raise TreeError(f"graph must have one node without a parent, the root, but has {len(roots)}")
+    return roots[0]
 
 
 def _integers(argument: str, values: Iterable[int]) -> list[int]:

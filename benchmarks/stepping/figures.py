@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from operator import attrgetter
 
-from integrators.runs.executors import available_cores
+from integrators.runs.ensembles import available_cores
 
 from ..kinds import Figure, Measurement
 from .costs import MEMBERS, OBSERVE_EVERY, compile_times, ensemble_speedup, memory, observing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil
 from typing import Any
 
@@ -23,10 +24,10 @@ NOISE = 2.0**-46
 """Relative size below which an energy is zero up to rounding: 2^-53 for each of some operations."""
 
 
-def check_measure(measure: Any) -> str:
+def check_measure(measure: Any, known: Sequence[str] = MEASURES) -> str:
     """The name of a measure, checked."""
-    if measure not in MEASURES:
-        raise IntegratorError(f"measure must be one of {', '.join(MEASURES)}, but was {shorten(repr(measure))}")
+    if measure not in known:
+        raise IntegratorError(f"measure must be one of {', '.join(known)}, but was {shorten(repr(measure))}")
     return measure
 
 

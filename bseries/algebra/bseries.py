@@ -9,11 +9,10 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
-from bseries.algebra.presentation import SeriesTerm, known_digits
+from bseries.algebra.presentation import SeriesTerm
 from bseries.exact import recursions
 from bseries.exact.domains import Values, alike, apply, as_floats, exact_number, make_values
-from bseries.exact.operations import Operation, log_denominator, wider_step
-from bseries.exact.rationals import primes_up_to
+from bseries.exact.rationals import Operation, log_denominator, primes_up_to, wider_step
 from bseries.exceptions import SeriesError
 from foundation.table import MOST_ROWS, LazyRows, Table, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
@@ -76,8 +75,12 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         uncertainty: Callable[[int], float] | None = None,
     ):
         empty = exact_number(empty)
+        named = bool(names) and table.colors > 1
+        names = check_names(names) if named else default_names(table.colors)
+        if len(names) != table.colors:
+            raise SeriesError(f"names must be {table.colors} names, one for each colour, but were {len(names)}")
         self.__dict__.update(table=table, stored=values, empty=empty, label=label, kind=kind or _kind(empty))
-        self.__dict__.update(names=_checked_names(names, table.colors), digits=digits, uncertainty=uncertainty)
+        self.__dict__.update(names=names, digits=digits, uncertainty=uncertainty)
 
     def __copy__(self) -> BSeries:
         return self
@@ -337,11 +340,13 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             HLW, theorem IX.9.2.
         """
         check_flow(self)
-
-        def expression(arithmetic: Any, target: Any) -> Any:
-            return recursions.logarithm(target(field=True), self.table, arithmetic)
-
-        return result_of(Operation(expression, log_denominator, wider_step, field=True), 0, self)
+        operation = Operation(
+            lambda arithmetic, target: recursions.logarithm(target(field=True), self.table, arithmetic),
+            log_denominator,
+            wider_step,
+            field=True,
+        )
+        return result_of(operation, 0, self)
 
     def exp(self) -> BSeries:
         """The exact flow of this field over one step.
@@ -361,11 +366,11 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             HLW, lemma IX.9.1 and equation (IX.9.7).
         """
         check_field(self)
-
-        def expression(arithmetic: Any, field: Any) -> Any:
-            return recursions.lie_series(field(field=True), None, 1, self.table, arithmetic)
-
-        operation = Operation(expression, lambda n, step: math.factorial(n) * step**n, wider_step, field=False)
+        operation = Operation(
+            lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, self.table, arithmetic),
+            lambda n, step: math.factorial(n) * step**n,
+            wider_step,
+        )
         return result_of(operation, 1, self)
 
     def inverse(self) -> BSeries:
@@ -428,9 +433,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             field = recursions.logarithm(first(field=True), self.table, arithmetic)
             return recursions.lie_series(field, None, 1, self.table, arithmetic, s)
 
-        operation = Operation(
-            expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, field=False, units=q
-        )
+        operation = Operation(expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, units=q)
         return result_of(operation, 1, self)
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
@@ -439,8 +442,10 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         for at, ((tree, coefficient), symmetry, density) in enumerate(zip(self.items(), *columns, strict=True)):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
+                digits = self.digits
                 error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
-                digits = known_digits(coefficient, error, self.digits)
+                if digits is not None and error:
+                    digits = max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
                 yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
 
     def to_dict(self, *, nonzero: bool = False) -> dict[str, Any]:
@@ -474,8 +479,12 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         }
         if self.digits is not None:
             data["digits"] = self.digits
-        fields = presentation.stored_fields(self._shown_names, self.table, self.digits, self.uncertainty).items()
-        data["terms"] = [{key: get(term) for key, get in fields} for term in self.terms(nonzero=nonzero)]
+        fields: dict[str, Callable[[SeriesTerm], Any]] = presentation.term_fields(self._shown_names)
+        if self.digits is not None:
+            fields["exact"] = lambda term: str(term.coefficient)
+        if (error := self.uncertainty) is not None:
+            fields["error"] = lambda term: error(self.table.index(term.tree))
+        data["terms"] = [{key: get(term) for key, get in fields.items()} for term in self.terms(nonzero=nonzero)]
         return data
 
     def to_julia(self) -> str:
@@ -588,12 +597,3 @@ def fewest_digits(*operands: BSeries) -> int | None:
 def _kind(empty: Any) -> str:
     """What a series is by its coefficient of the empty tree."""
     return "field" if empty == 0 else "series"
-
-
-def _checked_names(names: Sequence[str], colors: int) -> tuple[str, ...]:
-    if not names or colors == 1:
-        return default_names(colors)
-    checked = check_names(names)
-    if len(checked) != colors:
-        raise SeriesError(f"names must be {colors} names, one for each colour, but were {len(checked)}")
-    return checked

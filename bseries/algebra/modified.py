@@ -13,12 +13,11 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import FlowChain, MethodStages, RationalStages, check_method, inputs_of
 from bseries.exact import recursions
 from bseries.exact.domains import Values, apply
-from bseries.exact.operations import Operation, log_denominator, wider_step
-from bseries.exact.rationals import RationalValues, primorial
+from bseries.exact.rationals import Operation, RationalValues, log_denominator, primorial, wider_step
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
-from trees.counting import count_trees
+from trees.counting import Limits, check_order, count_trees, memory_estimate, normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable, tree_table
 
 
@@ -48,11 +47,8 @@ def series(method: Method | str, order: int | TreeTable, *, max_children: Any = 
     """
     method = as_method(method)
 
-    def expression(arithmetic: Any, weights: Any) -> Any:
-        return weights(field=False)
-
     def operation(inputs: MethodStages | FlowChain) -> Operation:
-        return Operation(expression, lambda n, step: step**n, lambda _, step: step, field=False, passes=inputs.passes)
+        return Operation(lambda arithmetic, weights: weights(field=False), passes=inputs.passes)
 
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
@@ -148,15 +144,8 @@ def exact_values(table: TreeTable) -> RationalValues:
     denominators = [math.factorial(n) for n in range(table.max_order + 1)]
     density, nodes = table.density.tolist(), table.order.tolist()
     numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
-    return RationalValues(table, _compact(table, numerators), denominators, primorial(table.max_order))
-
-
-def _compact(table: TreeTable, numerators: list[int]) -> Any:
-    if not table.compiled or table.max_order > 20:
-        return numerators
-    import numpy as np
-
-    return np.array(numerators, np.int64)
+    compact = table.column(numerators) if table.max_order <= 20 else numerators  # int64 for compiled kernels
+    return RationalValues(table, compact, denominators, primorial(table.max_order))
 
 
 def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:
@@ -172,17 +161,19 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
-    if max_children is None and isinstance(order, int):
-        _refuse_beyond_memory(order, colors)
-    else:
-        recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors, max_children), colors)
+    _refuse_beyond_memory(
+        check_order(order), colors, None if max_children is None else normal_limits(colors, max_children)
+    )
     return tree_table(order, colors, max_children)
 
 
-@lru_cache(maxsize=64, typed=True)
-def _refuse_beyond_memory(order: int, colors: int) -> None:
-    """Refuse tables beyond the memory, once for each size."""
-    recursions.refuse_beyond_memory_of_recursions(count_trees(order, colors), colors)
+@lru_cache(maxsize=64)
+def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None) -> None:
+    """Refuse series that would not fit in memory, before their table is made, once for each size."""
+    sizes = count_trees(order, colors, limits)
+    rows = (len(sizes) + 3) * sum(sizes[:-1])
+    needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
+    refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")
 
 
 def of_method(
@@ -215,12 +206,7 @@ class Uncertainty:
     CHANGE = 2.0**-26
     """Balances the rounding errors of central differences with those of the difference quotient."""
 
-    def __init__(
-        self,
-        inputs: RationalStages | FlowChain,
-        coefficients_of: Callable[[Any], list[float]],
-        digits: int,
-    ):
+    def __init__(self, inputs: RationalStages | FlowChain, coefficients_of: Callable[[Any], list[float]], digits: int):
         self._compute = (inputs, coefficients_of, digits)
 
     @cached_property
@@ -240,8 +226,4 @@ class Uncertainty:
         return self._spread[at]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _known, (self._spread,)
-
-
-def _known(spread: list[float]) -> Callable[[int], float]:
-    return spread.__getitem__
+        return getattr, (self._spread, "__getitem__")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -34,13 +33,6 @@ class SeriesTerm(NamedTuple):
     def weight_text(self) -> str:
         """The weight as text."""
         return number_text(self.weight, self.digits, is_zero=self.is_zero)
-
-
-def known_digits(coefficient: Any, error: float, digits: int | None) -> int | None:
-    """Significant digits of a coefficient with this error, for a method whose decimals have `digits`."""
-    if digits is None or error == 0:
-        return digits
-    return max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
 
 
 def to_latex(terms: Iterable[SeriesTerm], empty: Any, names: Sequence[str] | None) -> str:
@@ -120,18 +112,6 @@ def term_fields(names: Sequence[str] | None) -> dict[str, Callable[[SeriesTerm],
         "weight": lambda term: term.weight_text,
         "differential": lambda term: term.tree.differential(names=names),
     }
-
-
-def stored_fields(
-    names: Sequence[str] | None, table: TreeTable, digits: int | None, error: Callable[[int], float] | None
-) -> dict[str, Callable[[SeriesTerm], Any]]:
-    """What a document holds of a term; for decimals also the value before rounding and its uncertainty."""
-    fields = term_fields(names)
-    if digits is not None:
-        fields["exact"] = lambda term: str(term.coefficient)
-    if error is not None:
-        fields["error"] = lambda term: error(table.index(term.tree))
-    return fields
 
 
 def term_table(rows: LazyRows, names: Sequence[str] | None, kind: str, label: str, order: int) -> Table:

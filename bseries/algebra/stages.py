@@ -18,26 +18,20 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from bseries.exact.arithmetic import MOST_STAGES, Exact, Majorant, Wrapped, wrapped_stages
-from bseries.exact.domains import (
-    Values,
-    alike,
-    as_floats,
-    as_ring,
-    converted,
-    narrowest,
-    ring_element,
-    to_float,
-)
+from bseries.exact import domains
+from bseries.exact.arithmetic import MOST_STAGES, Exact, Wrapped, wrapped_stages
+from bseries.exact.domains import Values, alike, converted, narrowest, ring_element, to_float
 from bseries.exact.rationals import primorial, smallest_step, twos
 from bseries.exact.recursions import Stages, elementary_weights, lie_series
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
@@ -55,6 +49,7 @@ class MethodStages:
 
     def __init__(self, kind: str, stages: Stages, ring: Any = None, step: Any = None):
         self.kind, self.stages, self.ring, self.step = kind, stages, ring, step
+        self.bounds = stages
 
     def weight_sums(self, colors: int) -> list[Any]:
         """For each colour the sum of the weights: the coefficient of the single node."""
@@ -64,12 +59,8 @@ class MethodStages:
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool | None = False) -> Any:
         """The elementary weights; with `field` None the stages, for recursions that start from them."""
-        stages = self.stages_for(arithmetic)
+        stages = self.bounds if arithmetic.majorant else self.stages
         return stages if field is None else elementary_weights(stages, table, arithmetic, field=field)
-
-    def stages_for(self, arithmetic: Exact) -> Stages:
-        """The stages for an arithmetic."""
-        return self.stages
 
 
 class RationalStages(MethodStages):
@@ -118,10 +109,6 @@ class RationalStages(MethodStages):
             first += size
         return max(0, (math.ceil(max(sums)) - 1).bit_length())
 
-    def stages_for(self, arithmetic: Exact) -> Stages:
-        """The stages for an arithmetic: for bounds, those with bounds on the entries."""
-        return self.bounds if isinstance(arithmetic, Majorant) else self.stages
-
 
 def check_method(method: object) -> Method:
     """Return the method, or raise a SeriesError if it is none."""
@@ -149,11 +136,8 @@ def stages_of(method: Method, order: int) -> MethodStages:
 
 def inputs_of(method: Method, order: int) -> MethodStages | FlowChain:
     """The input for the coefficients of a method: its stages, or a chain of flows."""
-    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
-        steps = flow_steps(method.program)
-        if steps is not None:
-            return FlowChain(steps, order)
-    return stages_of(method, order)
+    chain = None if isinstance(method, RungeKutta | PartitionedRungeKutta) else flow_chain(method.program)
+    return stages_of(method, order) if chain is None else replace(chain, order=order)
 
 
 @lru_cache(maxsize=64)
@@ -200,12 +184,12 @@ def in_one_domain(method: Method, order: int, values: Sequence[Values]) -> tuple
     """The stages of a method and the values of series in one domain: rationals, floats, or one field."""
     stages, operands = stages_in_field(method, order), alike(values)
     if stages.kind == "float" or operands[0].kind == "float":
-        return _float_stages(method, stages), [as_floats(x) for x in operands]
+        return _float_stages(method, stages), [domains.as_floats(x) for x in operands]
     rings: list[Any] = [x.ring for x in (stages, *operands) if x.kind == "ring"]
     if not rings:
         return stages, operands
     field = reduce(lambda ring, other: ring.unify(other), rings).get_field()
-    return _in_ring(stages, field), [as_ring(x).reduced.in_ring(field, field.one) for x in operands]
+    return _in_ring(stages, field), [domains.as_ring(x).reduced.in_ring(field, field.one) for x in operands]
 
 
 def _in_ring(stages: Any, field: Any) -> MethodStages:
@@ -246,13 +230,10 @@ def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
 def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
     """Bounds on the entries of the tableaux, from floats with errors of a few units in the last place."""
     tableaus = [algebra.tableau_float() for algebra in algebras]
-    a = [_bound(entry) for A, _, _ in tableaus for row in A for entry in row]
-    b = [_bound(entry) for _, b, _ in tableaus for entry in b]
-    return Stages(count, a, b)
-
-
-def _bound(entry: float) -> Fraction:
-    return abs(Fraction(entry)) * (1 + Fraction(1, 2**40)) + Fraction(1, 2**60)
+    a = [entry for A, _, _ in tableaus for row in A for entry in row]
+    b = [entry for _, b, _ in tableaus for entry in b]
+    factor, least = 1 + Fraction(1, 2**40), Fraction(1, 2**60)
+    return Stages(count, *([abs(Fraction(entry)) * factor + least for entry in row] for row in (a, b)))
 
 
 Row = dict[int, Any]
@@ -278,7 +259,6 @@ class StageRows:
             )
         self._program = program
         self._first = [sum(self.sizes[:e]) for e in range(len(self.sizes))]
-        self._registers: list[Row | None] = [None] * len(self.sizes)
         self.part = [e.part for e, size in zip(program.evaluations, self.sizes, strict=True) for _ in range(size)]
         self.rows = [row for e in range(len(self.sizes)) for row in self._block(e)]
         self.weights = self._form(program.result)
@@ -308,40 +288,35 @@ class StageRows:
             _add(row, self._register(e), x)
         return row
 
+    @cached_method
     def _register(self, e: int) -> Row:
         """The linear functional that gives k_e."""
-        known = self._registers[e]
-        if known is not None:
-            return known
         evaluation, first, size = self._program.evaluations[e], self._first[e], self.sizes[e]
-        row: Row
         match evaluation:
             case Field():
-                row = {first: Fraction(1)}
+                return {first: Fraction(1)}
             case Derivative():
-                row = {first + 1: Fraction(1)}
+                return {first + 1: Fraction(1)}
             case Average(_, _, power):
-                row = {first + k: Fraction(1, k + power + 1) for k in range(size)}
+                return {first + k: Fraction(1, k + power + 1) for k in range(size)}
             case Flow(_, _, time, forcing):
-                row = {first + k: multiply_entries(time, Fraction(1, k + 1)) for k in range(size)}
+                row: Row = {first + k: multiply_entries(time, Fraction(1, k + 1)) for k in range(size)}
                 for j, form in enumerate(forcing):
                     _add(row, self._form(form), Fraction(1, j + 1))
-        self._registers[e] = row
-        return row
+                return row
 
     def flat(self, colors: int) -> tuple[list[Any], list[Any]]:
         """Matrices and weights, colour by colour, in the form of `Stages`."""
-        size = len(self.rows)
-        a: list[Any] = [Fraction(0)] * (colors * size * size)
-        b: list[Any] = [Fraction(0)] * (colors * size)
-        for color in range(colors):
-            for i, row in enumerate(self.rows):
-                for j, x in row.items():
-                    if self.part[j] in (color, None):
-                        a[(color * size + i) * size + j] = x
-            for j, x in self.weights.items():
-                if self.part[j] in (color, None):
-                    b[color * size + j] = x
+        zero = Fraction(0)
+        a, b = (
+            [
+                row.get(j, zero) if part in (color, None) else zero
+                for color in range(colors)
+                for row in rows
+                for j, part in enumerate(self.part)
+            ]
+            for rows in (self.rows, [self.weights])
+        )
         return a, b
 
 
@@ -363,18 +338,9 @@ def _add(row: Row, other: Row, factor: Any) -> None:
         row[j] = sum_entries((row.get(j, Fraction(0)), multiply_entries(factor, x)))
 
 
-class FlowSteps(NamedTuple):
-    """The flows of a splitting method, in order, with their times in one domain."""
-
-    parts: Sequence[int | None]  # the part of each flow; None: all
-    times: Sequence[Any]
-    kind: str  # the domain of the times: rational, ring or float
-    ring: Any = None  # for the kind ring, the field of the times
-
-
 @lru_cache(maxsize=64)
-def flow_steps(program: Program) -> FlowSteps | None:
-    """The flows of a program that is a chain of exact flows; None for other programs."""
+def flow_chain(program: Program) -> FlowChain | None:
+    """The chain of flows that a program is, for trees with one node; None for other programs."""
     parts: list[int | None] = []
     times: list[Any] = []
     point = LinearForm(1)
@@ -384,48 +350,44 @@ def flow_steps(program: Program) -> FlowSteps | None:
         parts.append(evaluation.part)
         times.append(evaluation.time)
         point = point + LinearForm(0, {e: 1})
-    return _times_in_domain(tuple(parts), tuple(times)) if times and program.result == point else None
-
-
-def _times_in_domain(parts: Sequence[int | None], times: Sequence[Any]) -> FlowSteps:
+    if not times or program.result != point:
+        return None
     kind, entries, ring, step = narrowest(times)
-    if kind != "ring":
-        return FlowSteps(parts, tuple(entries), kind)
-    field = ring.get_field()
-    divisor = converted(step, ring, field)
-    return FlowSteps(parts, tuple(converted(x, ring, field) / divisor for x in entries), kind, field)
+    if kind == "ring":
+        ring, own = ring.get_field(), ring
+        divisor = converted(step, own, ring)
+        entries = [converted(x, own, ring) / divisor for x in entries]
+    return FlowChain(tuple(parts), tuple(entries), kind, ring)
 
 
+@dataclass(frozen=True, eq=False)
 class FlowChain:
     """The flows of a splitting method as an input of operations on series.
 
     From the last flow to the first, a ↦ (flow of c f^[ν], then a) is the Lie series Σ_j ∂_b^j a / j! along the field b
     that is c at one single node and zero elsewhere: only leaves are cut. This costs much less than the stages of the
     method's program.
-
-    Args:
-        steps: The flows.
-        order: Largest number of nodes.
     """
 
-    terms = 1
-    units = 2
-    """Even: excludes arithmetic modulo 2^64 for fields, in which the values of a flow cannot be halved."""
+    parts: Sequence[int | None]  # the part of each flow, in order; None: all
+    times: Sequence[Any]  # in one domain
+    kind: str  # that domain: rational, ring or float
+    ring: Any = None  # for the kind ring, the field of the times
+    order: int = 1  # the largest number of nodes
 
-    def __init__(self, steps: FlowSteps, order: int):
-        self._steps = steps
-        self.order = order
-        self.kind, self.ring = steps.kind, steps.ring
+    terms: ClassVar = 1
+    units: ClassVar = 2
+    """Even: excludes arithmetic modulo 2^64 for fields, in which the values of a flow cannot be halved."""
 
     @property
     def passes(self) -> int:
         """A recursion for each flow."""
-        return len(self._steps.times)
+        return len(self.times)
 
     @cached_property
     def denominator(self) -> int:
         """The common denominator of rational times; 1 in other domains."""
-        return math.lcm(*(time.denominator for time in self._steps.times)) if self.kind == "rational" else 1
+        return math.lcm(*(time.denominator for time in self.times)) if self.kind == "rational" else 1
 
     @property
     def step(self) -> Any:
@@ -435,12 +397,12 @@ class FlowChain:
     @property
     def exponent(self) -> int:
         """k such that |a(τ)| ≤ 2^(k·n): the exact flow over the sum of all |times| is larger tree by tree."""
-        return max(0, (math.ceil(sum(map(abs, self._steps.times))) - 1).bit_length())
+        return max(0, (math.ceil(sum(map(abs, self.times))) - 1).bit_length())
 
     def perturbed(self, source: random.Random, change: float) -> FlowChain:
         """The same flows in floats, every time t replaced by t (1 ± change)."""
-        times = [to_float(time) * (1 + source.choice((-change, change))) for time in self._steps.times]
-        return FlowChain(self._steps._replace(times=times, kind="float"), self.order)
+        times = [to_float(time) * (1 + source.choice((-change, change))) for time in self.times]
+        return replace(self, times=times, kind="float")
 
     def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
         """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.
@@ -455,7 +417,7 @@ class FlowChain:
         """
         found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
         equal = [sum(colors**i for i in range(k)) for k in range(self.order + 1)]  # words c … c begin at c times this
-        for part, time in zip(self._steps.parts, self._steps.times, strict=True):
+        for part, time in zip(self.parts, self.times, strict=True):
             powers = [arithmetic.number(1)]
             for _ in range(self.order):
                 powers.append(powers[-1] * arithmetic.number(time * self.denominator))
@@ -470,7 +432,7 @@ class FlowChain:
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
         """The coefficients of the method."""
         values = None
-        for part, time in zip(reversed(self._steps.parts), reversed(self._steps.times), strict=True):
+        for part, time in zip(reversed(self.parts), reversed(self.times), strict=True):
             node = arithmetic.vector([time * arithmetic.node_factor(field=True)])[0]
             along = arithmetic.zeros(len(table))
             for color in range(table.colors) if part is None else (part,):

@@ -20,7 +20,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
-from bseries.algebra.composition import compose, lie_derivative
+from bseries.algebra.products import compose, lie_derivative
 from bseries.analysis.order import Verdict, field_elements, flows_of
 from bseries.analysis.structure import Structure, closure, failing, has_blocks
 from bseries.exact.domains import make_values

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial, reduce
 from itertools import chain, islice
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
-from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_steps
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic, sign
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
@@ -218,14 +219,14 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     colors, flows = len(method.names), None
     is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
     if not is_tableau and method.max_children is None and not auxiliary_colors(method):
-        flows = flow_steps(method.program)  # of a splitting method for all fields
+        flows = flow_chain(method.program)  # of a splitting method for all fields
     if max_order is not None:
         limit = max_order
     else:
         limit = affordable_order(colors) if flows is None else max(n for n in range(13) if colors**n <= MOST_TREES)
     for tested_to in chain(range(4, limit, 2), [limit]):
         if flows is not None and colors**tested_to <= MOST_TREES:
-            order = _order_by_words(FlowChain(flows, tested_to), colors, method.digits)
+            order = _order_by_words(replace(flows, order=tested_to), colors, method.digits)
         else:
             order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
         if order < tested_to:
@@ -302,7 +303,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     values: Any = s.stored
     if values.kind == "ring" and values.ring.is_AlgebraicField:
         values = values.reduced
-        values = dict(zip(ids, real_algebraic(values.ring, values.elements[ids.start : ids.stop]), strict=True))
+        values = dict(zip(ids, real_algebraic(values.ring, values.raw[ids.start : ids.stop]), strict=True))
 
     def public(number: Any) -> Any:
         return from_element(number) if isinstance(number, RealAlgebraic) else number
@@ -382,7 +383,7 @@ def _perturbed(values: RationalValues, uncertainty: Callable[[int], float], digi
     denominators = [math.lcm(d, scale) for d in values.denominators]
     numerators = [
         int(x) * (denominators[n] // values.denominators[n])
-        for n, x in zip(values.table.lists[0], values.numerators, strict=True)
+        for n, x in zip(values.table.lists[0], values.raw, strict=True)
     ]
     units, found = [d // scale for d in denominators], []
     for _ in range(4):
@@ -397,5 +398,5 @@ def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Ca
     values: Any = b.stored
     if values.kind == "ring":
         values = values.reduced
-        return list(values.elements), partial(ring_element, values.ring), values.ring.to_sympy
+        return list(values.raw), partial(ring_element, values.ring), values.ring.to_sympy
     return list(map(to_flint, values.coefficients())), to_flint, from_flint

@@ -26,8 +26,8 @@ VERBS = {
     "check": "check",
     "conditions": "conditions",
     "trees": "trees",
-    "methods": "methods",
-    "scenes": "scenes",
+    "methods": "catalogue",
+    "scenes": "catalogue",
     "simulate": "simulate",
     "shadow": "shadow",
     "effects": "effects",
@@ -79,7 +79,10 @@ class Application(click.Group):
         try:
             code = super().main(arguments, *rest, standalone_mode=False, **extra)
         except click.ClickException as error:
-            say("error", _sentence(error))
+            message = error.format_message()
+            if isinstance(error, click.UsageError) and error.ctx is not None:
+                message = f"{message.rstrip('.')}; see `{error.ctx.command_path} --help`"
+            say("error", message)
             code = 2
         except click.Abort:  # Ctrl-C while arguments were read
             code = INTERRUPTED
@@ -92,12 +95,17 @@ class Application(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb."""
-        with _quiet_ends(), _long_integers(), warnings.catch_warnings():
-            warnings.simplefilter("always")
-            warnings.showwarning = lambda message, *_: say("warning", str(message))
-            result = super().invoke(ctx)
-            sys.stdout.flush()
-            return result
+        limit = sys.get_int_max_str_digits()
+        sys.set_int_max_str_digits(0)  # of printed integers; input has a limit of its own
+        try:
+            with _quiet_ends(), warnings.catch_warnings():
+                warnings.simplefilter("always")
+                warnings.showwarning = lambda message, *_: say("warning", str(message))
+                result = super().invoke(ctx)
+                sys.stdout.flush()
+                return result
+        finally:
+            sys.set_int_max_str_digits(limit)
 
 
 @contextmanager
@@ -130,25 +138,6 @@ def say(kind: str, sentence: str) -> None:
     """One line on stderr: ``bseries: error: …`` or ``bseries: warning: …``."""
     with suppress(OSError):  # the reader is gone; the exit code reports it
         click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
-
-
-def _sentence(error: click.ClickException) -> str:
-    """The message of an error; for a misspelt option with a reference to --help."""
-    message = error.format_message()
-    if isinstance(error, click.UsageError) and error.ctx is not None:
-        return f"{message.rstrip('.')}; see `{error.ctx.command_path} --help`"
-    return message
-
-
-@contextmanager
-def _long_integers() -> Iterator[None]:
-    """Lift the limit on the digits of printed integers; input has a limit of its own."""
-    limit = sys.get_int_max_str_digits()
-    sys.set_int_max_str_digits(0)
-    try:
-        yield
-    finally:
-        sys.set_int_max_str_digits(limit)
 
 
 def standard_input() -> TextIO:

@@ -1,4 +1,4 @@
-"""Output of verbs: --format, -o, and writing that leaves no incomplete file."""
+"""Output of verbs: --format, -o, --plot, a progress bar, and writing that leaves no incomplete file."""
 
 from __future__ import annotations
 
@@ -6,20 +6,87 @@ import functools
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
-from typing import Any, NamedTuple
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.progress import Progress
+from foundation.machine_code import is_compiling
 from foundation.table import FORMATS, LazyRows, Table
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 NO_LATEX = tuple(name for name in FORMATS if name != "latex")
 """Formats of verbs that measure, whose results have no formulas."""
 SUFFIXES = {suffix: name for name, format_ in FORMATS.items() for suffix in format_.suffixes}
 
 MOST_ROWS = 100_000
 """The most trees of formats that are not streamed."""
+PATIENCE = 1.0
+"""Seconds before a bar is drawn."""
+COMPILING = "compiling for the first time"
+
+
+class Progress:
+    """Draws a progress bar on stderr after `PATIENCE` seconds, if stderr is a terminal, and erases it at the end."""
+
+    def __init__(self) -> None:
+        self._timer: Any = None
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        if sys.stderr.isatty():
+            from threading import Timer
+
+            self._timer = Timer(PATIENCE, self._draw)
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def _draw(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bars
+
+        class Work(ProgressColumn):
+            """What is being done at this moment."""
+
+            def render(self, task: Any) -> str:
+                return COMPILING if is_compiling() else task.description
+
+        columns = Work(), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+        bar = Bars(*columns, console=Console(stderr=True), transient=True)
+        self._task = bar.add_task("computing", total=None)
+        bar.start()
+        self._bar = bar
+
+    def update(self, done: int, total: int) -> None:
+        """Show the part of the writing that is done; before the first call the bar is indeterminate."""
+        if self._bar is not None:
+            self._bar.update(self._task, description="writing", completed=done, total=total)
+
+    def say(self, text: str) -> None:
+        """A line on stderr, above the bar if there is one."""
+        if self._bar is not None:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        else:
+            click.echo(text, err=True)
+
+    def close(self) -> None:
+        """Erase the bar, or keep it from being drawn."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
+            self._timer = None
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
 
 
 class Output(NamedTuple):
@@ -81,20 +148,6 @@ class Output(NamedTuple):
         return table._replace(rows=LazyRows(track, len(table.rows)), records=records)
 
 
-class WholeNumber(click.ParamType):
-    """An integer; the library checks its range."""
-
-    name = "N"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Read the text."""
-        try:
-            return int(value)
-        except ValueError:
-            name = param.name if param else "number"
-            raise Refusal(f"{name} must be a whole number, but was {value!r:.60}") from None
-
-
 def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FORMATS) -> Callable[..., None]:
     """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text."""
 
@@ -105,8 +158,11 @@ def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FO
         target = None if path == "-" else path
         with Progress() as progress:
             output = Output(_choose_format(format_, target, formats), target, progress)
-            if target is not None:
-                _check_folder(target)
+            if target is not None:  # refuse a file that cannot be written before the computation
+                folder = os.path.dirname(os.path.abspath(target))
+                if os.path.isdir(target) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+                    what = "a folder" if os.path.isdir(target) else f"in {folder!r:.60}, where no file can be made"
+                    raise Refusal(f"output must be a file that can be written, but was {what}")
             output.write(verb(output=output, **options))
 
     return write
@@ -140,14 +196,6 @@ def _choose_format(given: str | None, path: str | None, formats: Collection[str]
     return SUFFIXES[suffix]
 
 
-def _check_folder(path: str) -> None:
-    """Refuse a file that cannot be written, before the computation."""
-    folder = os.path.dirname(os.path.abspath(path))
-    if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        what = "a folder" if os.path.isdir(path) else f"in {folder!r:.60}, where no file can be made"
-        raise Refusal(f"output must be a file that can be written, but was {what}")
-
-
 def make_folder(path: str, argument: str) -> None:
     """Make a folder for several files, or refuse one in which none can be made, before the computation."""
     try:
@@ -157,3 +205,34 @@ def make_folder(path: str, argument: str) -> None:
         raise Refusal(f"{argument} must be a folder that can be made, but {what}") from None
     if not os.access(path, os.W_OK):
         raise Refusal(f"{argument} must be a folder that can be written to, but was {path!r:.60}")
+
+
+class PlotFile(NamedTuple):
+    """The file of --plot; None without it."""
+
+    path: str | None
+
+    def save(self, draw: Callable[[], Axes | Figure]) -> None:
+        """Draw and write the picture, if one is wanted; the file appears when it is complete."""
+        if self.path is not None:
+            from bseries.picture_files import save_picture
+
+            drawn: Any = draw()
+            save_picture(self.path, getattr(drawn, "figure", None) or drawn)
+
+
+def takes_plot(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --plot FILE to a verb, which receives a `PlotFile` as `plot`."""
+
+    @click.option("--plot", "path_of_plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
+    @functools.wraps(verb)
+    def call(*, path_of_plot: str | None, **options: Any) -> Any:
+        if path_of_plot is not None:
+            from bseries.picture_files import check_picture
+
+            check_picture(path_of_plot)
+            if options.get("path") is not None and os.path.realpath(options["path"]) == os.path.realpath(path_of_plot):
+                raise Refusal(f"plot must be another file than that of -o, but both were {path_of_plot!r:.60}")
+        return verb(plot=PlotFile(path_of_plot), **options)
+
+    return call

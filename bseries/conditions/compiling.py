@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
-from bseries.conditions.exact_values import named_blocks, read_arrays, stage_matrices
+from bseries.conditions.formulas import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
 from trees.compiled import kernel
 

@@ -12,9 +12,9 @@ the child. Adjoint vectors of common trunks are computed once as well.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import NamedTuple
 
 ONE, VECTOR, PRODUCT, IMAGE, PULLBACK = range(5)
@@ -29,8 +29,7 @@ class CoefficientArray(NamedTuple):
     """An array of coefficients: a matrix or vector over the stages, or a stack of them, one for each part."""
 
     name: str
-    letter: str
-    latex: str
+    symbol: str  # in formulas
     is_matrix: bool
     parts: tuple[str, ...] = ("",)
 
@@ -68,14 +67,13 @@ class CoefficientBlock(NamedTuple):
 class StageMatrix(NamedTuple):
     """A stage matrix: the sum of some blocks, or the matrix with entries 1 for `relation` between j and i, else 0.
 
-    `row_sum` is the symbol of its row sums in formulas, if they have one.
+    In formulas, `symbol` stands for it, and `row_sum`, if not empty, for its row sums.
     """
 
     blocks: tuple[int, ...]
-    letter: str = ""
-    latex: str = ""
+    symbol: str = ""
     part: str = ""
-    row_sum: tuple[str, str] | None = None
+    row_sum: str = ""
     relation: str = ""
 
 
@@ -106,8 +104,14 @@ class Equation(NamedTuple):
 class ConditionProgram:
     """Operations on stage vectors, without duplicates, and the equations between them.
 
-    The arguments are the arrays of coefficients, the operators the stage matrices; each of the arguments that is a
-    matrix has a structure.
+    Attributes:
+        arguments: The arrays of coefficients.
+        operators: The stage matrices.
+        structures: The structure of each argument that is a matrix.
+        blocks: The matrices and vectors of all arguments.
+        operations: Kind and operands of every operation.
+        factors: The factors of every stage vector, as ids of operations.
+        size: The number of operations for the left-hand sides; later operations serve the derivatives.
     """
 
     def __init__(
@@ -116,11 +120,10 @@ class ConditionProgram:
         self.arguments, self.operators, self.structures = tuple(arguments), tuple(operators), tuple(structures)
         self.equations: tuple[Equation, ...] = ()
         self.size = 0
-        """The number of operations for the left-hand sides; later operations serve the derivatives."""
         self.blocks = [CoefficientBlock(argument, part) for argument in arguments for part in argument.parts]
         self.operations: list[tuple[int, int, int]] = []
         self._ids: dict[tuple[int, int, int], int] = {}
-        self._factors: dict[int, tuple[int, ...]] = {self._emit(ONE): ()}  # the first operation: its id is ONE, 0
+        self.factors: dict[int, tuple[int, ...]] = {self._emit(ONE): ()}  # the first operation: its id is ONE, 0
 
     def _emit(self, kind: int, x: int = 0, y: int = 0) -> int:
         operation = (kind, x, y)
@@ -141,21 +144,12 @@ class ConditionProgram:
     def times(self, stage: int, factor: int) -> int:
         """The product of a stage vector and a factor."""
         found = factor if stage == ONE else self._emit(PRODUCT, stage, factor)
-        self._factors.setdefault(found, (*self._factors[stage], factor))
+        self.factors.setdefault(found, (*self.factors[stage], factor))
         return found
 
-    def factors(self, stage: int) -> tuple[int, ...]:
-        """The factors of a stage vector."""
-        return self._factors[stage]
-
-    def _without(self, stage: int, factor: int) -> int:
-        """A stage vector without one of its factors."""
-        rest = list(self._factors[stage])
-        rest.remove(factor)
-        found = ONE
-        for other in rest:
-            found = self.times(found, other)
-        return found
+    def product(self, factors: Iterable[int]) -> int:
+        """The product of factors."""
+        return reduce(self.times, factors, ONE)
 
     def _gradient(self, summands: Sequence[EquationTerm]) -> list[GradientTerm]:
         """The derivatives of a sum by all coefficients; appends the operations they need."""
@@ -165,8 +159,10 @@ class ConditionProgram:
             pending = [(stage, self.vector(block), factor)]
             while pending:
                 stage, above, factor = pending.pop()
-                for child, multiplicity in Counter(self._factors[stage]).items():
-                    rest = self._without(stage, child)
+                for child, multiplicity in Counter(self.factors[stage]).items():
+                    siblings = list(self.factors[stage])
+                    siblings.remove(child)
+                    rest = self.product(siblings)
                     u = above if rest == ONE else self._emit(PRODUCT, above, rest)
                     kind, which, branch = self.operations[child]
                     if kind == VECTOR:
@@ -177,10 +173,6 @@ class ConditionProgram:
                     if branch != ONE:
                         pending.append((branch, self._emit(PULLBACK, which, u), factor * multiplicity))
         return [GradientTerm(factor, *key) for key, factor in derivatives.items()]
-
-    def require(self, equations: Sequence[Equation]) -> None:
-        """Set the equations, whose operations are there."""
-        self.equations, self.size = tuple(equations), len(self.operations)
 
     def free_entries(self, stages: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """The coefficients that the structures allow: block, and index in the block."""

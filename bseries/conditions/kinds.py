@@ -11,19 +11,17 @@ from typing import Any, NamedTuple
 from bseries.conditions.condition_program import (
     DIAGONALLY_IMPLICIT,
     EXPLICIT,
-    ONE,
     CoefficientArray,
     ConditionProgram,
     EquationTerm,
     StageMatrix,
 )
-from trees.lyndon_words import lyndon_trees
+from trees.lyndon_words import lyndon_words
 from trees.tree import Tree
 
 Sums = Callable[["Tree"], "tuple[EquationTerm, ...]"]
-Coefficients = tuple[Sequence[CoefficientArray], Sequence[StageMatrix]]
-
-NODES = ("c", "c")
+Factor = Callable[[Tree, Tree, Callable[[Tree], int]], int]
+"""The factor of a child in the stage vector of a tree, from the tree, the child, and the function to stage vectors."""
 
 STRICT, WEAK = 0, 1
 """Operators of splitting methods: sums over all earlier sweeps, without and with the same sweep."""
@@ -34,34 +32,29 @@ class MethodKind(NamedTuple):
 
     about: str  # the name of the methods in text
     notation: str  # the meaning of the letters in formulas
-    coefficients: Callable[[Sequence[str]], Coefficients]  # arguments and operators, from the names of the parts
+    arguments: tuple[CoefficientArray, ...]
     sums: Callable[[ConditionProgram], Sums]  # the function from trees to their sums, for a program
+    operators: tuple[StageMatrix, ...] = ()  # by default the matrices a of all parts
     colors: int = 1  # the default number of colours
-    any_colors: bool = False  # whether other numbers are allowed
+    has_parts: bool = False  # whether there are as many parts as colours, each with its own arrays
     limits: Any = None  # `max_children` of the trees with nonzero elementary differentials
-    trees: Callable[[int, int], Sequence[Tree]] | None = None  # all trees, if they are not those of a `TreeTable`
-    has_condition: Callable[[Tree], bool] = lambda tree: True
+    trees: Callable[[int, int], Sequence[Tree]] | None = None  # all trees, if not those of a `TreeTable`: Lyndon words
     structures: tuple[str, ...] | None = None  # the structure of each matrix, if the kind determines it
 
+    def program(self, names: Sequence[str], structures: Sequence[str]) -> ConditionProgram:
+        """The program of methods whose parts have these names, without equations."""
+        arguments = [x._replace(parts=tuple(names)) if self.has_parts else x for x in self.arguments]
+        own = self.operators or [StageMatrix((k,), "a", name, row_sum="c") for k, name in enumerate(names)]
+        return ConditionProgram(arguments, own, structures)
 
-def _runge_kutta(names: Sequence[str]) -> Coefficients:
-    parts = tuple(names)
-    arguments = [CoefficientArray("A", "a", "a", True, parts), CoefficientArray("b", "b", "b", False, parts)]
-    return arguments, [StageMatrix((k,), "a", "a", name, NODES) for k, name in enumerate(parts)]
 
-
-def _stage_vectors(
-    program: ConditionProgram, factor: Callable[[Tree, Tree, Callable[[Tree], int]], int]
-) -> Callable[[Tree], int]:
-    """The function from trees to stage vectors, products of factor(tree, child, stage vectors) over the children."""
+def _stage_vectors(program: ConditionProgram, factor: Factor) -> Callable[[Tree], int]:
+    """The function from trees to stage vectors, products of one factor for each child."""
     known: dict[Tree, int] = {}
 
     def stage(tree: Tree) -> int:
         if tree not in known:
-            g = ONE
-            for child in tree.children:
-                g = program.times(g, factor(tree, child, stage))
-            known[tree] = g
+            known[tree] = program.product(factor(tree, child, stage) for child in tree.children)
         return known[tree]
 
     return stage
@@ -72,21 +65,6 @@ def _runge_kutta_sums(program: ConditionProgram) -> Sums:
     parts = len(program.operators)
     stage = _stage_vectors(program, lambda tree, child, stage: program.image(child.color, stage(child)))
     return lambda tree: (EquationTerm(Fraction(1), parts + tree.color, stage(tree)),)
-
-
-def _nystrom(names: Sequence[str]) -> Coefficients:
-    arguments = [
-        CoefficientArray("Abar", "ā", r"\bar{a}", True),
-        CoefficientArray("bbar", "b̄", r"\bar{b}", False),
-        CoefficientArray("b", "b", "b", False),
-        CoefficientArray("c", "c", "c", False),
-    ]
-    return arguments, [StageMatrix((0,), "ā", r"\bar{a}")]
-
-
-def _general_nystrom(names: Sequence[str]) -> Coefficients:
-    arguments, operators = _nystrom(names)
-    return [*arguments, CoefficientArray("A", "a", "a", True)], [*operators, StageMatrix((4,), "a", "a")]
 
 
 def _nystrom_sums(program: ConditionProgram) -> Sums:
@@ -110,19 +88,6 @@ def _nystrom_sums(program: ConditionProgram) -> Sums:
     return sums
 
 
-def _rosenbrock(names: Sequence[str]) -> Coefficients:
-    arguments = [
-        CoefficientArray("alpha", "α", r"\alpha", True),
-        CoefficientArray("Gamma", "γ", r"\gamma", True),
-        CoefficientArray("b", "b", "b", False),
-    ]
-    operators = [
-        StageMatrix((0,), "α", r"\alpha", "", ("α", r"\alpha")),
-        StageMatrix((0, 1), "β", r"\beta", "", ("β", r"\beta")),
-    ]
-    return arguments, operators
-
-
 def _rosenbrock_sums(program: ConditionProgram) -> Sums:
     """An only child is applied with β = α + γ, several children with α (Hairer–Wanner, section IV.7)."""
     alpha, beta, b = 0, 1, 2
@@ -132,13 +97,6 @@ def _rosenbrock_sums(program: ConditionProgram) -> Sums:
 
     stage = _stage_vectors(program, factor)
     return lambda tree: (EquationTerm(Fraction(1), b, stage(tree)),)
-
-
-def _splitting(names: Sequence[str]) -> Coefficients:
-    return [CoefficientArray("x", "x", "x", False, tuple(names))], [
-        StageMatrix((), relation="<"),
-        StageMatrix((), relation="≤"),
-    ]
 
 
 def _splitting_sums(program: ConditionProgram) -> Sums:
@@ -157,19 +115,14 @@ def _splitting_sums(program: ConditionProgram) -> Sums:
     from the root to the leaf, belong to flows of which each acts before the one above it.
     """
 
-    def below(pieces: Sequence[tuple[int, int]], color: int) -> int:
-        """Sum over all flows that act before a flow of the field `color`, sweep by sweep."""
-        if not pieces:
-            return ONE
-        letter, length = pieces[0]
-        return program.image(WEAK if letter < color else STRICT, stage(pieces, length))
-
-    def stage(pieces: Sequence[tuple[int, int]], power: int) -> int:
-        letter = pieces[0][0]
-        g = ONE
+    def factors(pieces: Sequence[tuple[int, int]], power: int) -> Iterator[int]:
+        """`power` times the time of the first piece's flow, and the sum over all flows that act before it."""
+        (letter, _), *below = pieces
         for _ in range(power):
-            g = program.times(g, program.vector(letter))
-        return program.times(g, below(pieces[1:], letter)) if len(pieces) > 1 else g
+            yield program.vector(letter)
+        if below:
+            operator = WEAK if below[0][0] < letter else STRICT
+            yield program.image(operator, program.product(factors(below, below[0][1])))
 
     def sums(tree: Tree) -> tuple[EquationTerm, ...]:
         runs = [(letter, len(list(run))) for letter, run in groupby(tree.colors)]
@@ -177,7 +130,8 @@ def _splitting_sums(program: ConditionProgram) -> Sums:
         for choice in product(*(_compositions(length) for _, length in runs)):
             pieces = [(letter, size) for (letter, _), sizes in zip(runs, choice, strict=True) for size in sizes]
             factor = Fraction(1, prod(factorial(size) for _, size in pieces))
-            found.append(EquationTerm(factor, pieces[0][0], stage(pieces, pieces[0][1] - 1)))
+            stage = program.product(factors(pieces, pieces[0][1] - 1))
+            found.append(EquationTerm(factor, pieces[0][0], stage))
         return tuple(found)
 
     return sums
@@ -192,51 +146,59 @@ def _compositions(total: int) -> Iterator[tuple[int, ...]]:
             yield (first, *rest)
 
 
-def _is_not_position(tree: Tree) -> bool:
-    """Whether a tree has a condition: y₁ = y₀ + h y₀' + … holds by construction."""
-    return tree.color == 0 or tree.order > 1
-
-
 _PARTS = "b^ν_i, a^ν_ij and c^ν_i = Σ_j a^ν_ij belong to the part ν"
-_NYSTROM = "p stands for y', q for y; positions have the weights b̄_i, velocities b_i"
+_TABLEAU = (CoefficientArray("A", "a", True), CoefficientArray("b", "b", False))
+_NYSTROM_NOTATION = "p stands for y', q for y; positions have the weights b̄_i, velocities b_i"
+_NYSTROM = (
+    CoefficientArray("Abar", "ā", True),
+    CoefficientArray("bbar", "b̄", False),
+    CoefficientArray("b", "b", False),
+    CoefficientArray("c", "c", False),
+)
 
 KINDS = {
-    "runge-kutta": MethodKind("Runge–Kutta methods", "c_i = Σ_j a_ij", _runge_kutta, _runge_kutta_sums),
-    "partitioned": MethodKind("partitioned Runge–Kutta methods", _PARTS, _runge_kutta, _runge_kutta_sums, 2, True),
-    "additive": MethodKind("additive Runge–Kutta methods", _PARTS, _runge_kutta, _runge_kutta_sums, 2, True),
+    "runge-kutta": MethodKind("Runge–Kutta methods", "c_i = Σ_j a_ij", _TABLEAU, _runge_kutta_sums),
+    "partitioned": MethodKind(
+        "partitioned Runge–Kutta methods", _PARTS, _TABLEAU, _runge_kutta_sums, colors=2, has_parts=True
+    ),
+    "additive": MethodKind(
+        "additive Runge–Kutta methods", _PARTS, _TABLEAU, _runge_kutta_sums, colors=2, has_parts=True
+    ),
     "nystrom": MethodKind(
         "Runge–Kutta–Nyström methods for y'' = g(y)",
+        _NYSTROM_NOTATION,
         _NYSTROM,
-        _nystrom,
         _nystrom_sums,
-        2,
+        (StageMatrix((0,), "ā"),),
+        colors=2,
         limits=[[0, None], [1, 0]],
-        has_condition=_is_not_position,
     ),
     "general-nystrom": MethodKind(
         "Runge–Kutta–Nyström methods for y'' = g(y, y')",
-        _NYSTROM,
-        _general_nystrom,
+        _NYSTROM_NOTATION,
+        (*_NYSTROM, CoefficientArray("A", "a", True)),
         _nystrom_sums,
-        2,
+        (StageMatrix((0,), "ā"), StageMatrix((4,), "a")),
+        colors=2,
         limits=[[None, None], [1, 0]],
-        has_condition=_is_not_position,
     ),
     "rosenbrock": MethodKind(
         "Rosenbrock methods",
         "β_ij = α_ij + γ_ij; α_i and β_i are row sums",
-        _rosenbrock,
+        (CoefficientArray("alpha", "α", True), CoefficientArray("Gamma", "γ", True), CoefficientArray("b", "b", False)),
         _rosenbrock_sums,
+        (StageMatrix((0,), "α", row_sum="α"), StageMatrix((0, 1), "β", row_sum="β")),
         structures=(EXPLICIT, DIAGONALLY_IMPLICIT),
     ),
     "splitting": MethodKind(
         "splitting methods",
         "x^ν_i h is the time of the flow of part ν in sweep i; a sweep takes the parts in their order",
-        _splitting,
+        (CoefficientArray("x", "x", False),),
         _splitting_sums,
-        2,
-        True,
-        trees=lyndon_trees,
+        (StageMatrix((), relation="<"), StageMatrix((), relation="≤")),
+        colors=2,
+        has_parts=True,
+        trees=lambda order, colors: sorted(Tree.from_levels(range(len(w)), w) for w in lyndon_words(order, colors)),
     ),
 }
 """The kinds by name."""

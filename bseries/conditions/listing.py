@@ -1,30 +1,39 @@
-"""Order conditions, single ones and those of a kind of methods, as text, LaTeX, SymPy equations, code and functions."""
+"""Order conditions of a kind of methods: `order_conditions`, what it returns, and the trees that have conditions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from itertools import groupby
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
 from bseries.analysis.simplifying_assumptions import Assumptions
-from bseries.conditions.condition_program import IMAGE, ONE, ConditionProgram, Equation, EquationTerm
-from bseries.conditions.exact_values import check_stages, equations, left_sides, read_blocks, symbols
-from bseries.conditions.kinds import KINDS, NODES, Sums
-from bseries.conditions.source_code import source
+from bseries.conditions import formulas
+from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES, ConditionProgram, Equation, EquationTerm
+from bseries.conditions.formulas import check_stages
+from bseries.conditions.kinds import KINDS, MethodKind
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number
 from foundation.table import Column, LazyRows, Table, as_frame, as_html, listed
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.core.errors import suggestion
 from integrators.core.immutable import ImmutableValue
-from trees.formulas import factor_text, index_letters
+from trees.counting import check_size, count_trees, normal_limits
+from trees.lyndon_words import count_lyndon_words
+from trees.notation import default_names
+from trees.table import tree_table
 from trees.tree import Tree
 
 if TYPE_CHECKING:
     from bseries.conditions.compiling import CompiledConditions
+
+SCALAR = ("autonomous", "nonautonomous")
+
+MOST_CONDITIONS = 200_000
+"""Larger sets of trees are refused before any work."""
 
 
 class OrderCondition(ImmutableValue):
@@ -66,107 +75,17 @@ class OrderCondition(ImmutableValue):
     @property
     def left(self) -> str:
         """The left-hand side as text."""
-        return left_text(self._program, self._equation)
+        return formulas.left_text(self._program, self._equation)
 
     def to_latex(self) -> str:
         """The equation as LaTeX."""
-        return f"{left_text(self._program, self._equation, latex=True)} = {latex_number(self.right, None)}"
+        return f"{formulas.left_text(self._program, self._equation, latex=True)} = {latex_number(self.right, None)}"
 
     def __str__(self) -> str:
         return f"{self.left} = {self.right}"
 
     def __repr__(self) -> str:
         return f"<OrderCondition {self.tree}: {self}>"
-
-
-def equation_of(trees: Sequence[Tree], sums: Sums) -> Equation:
-    """The equation of one tree, or the sum of those of isomeric trees."""
-    summands: list[EquationTerm] = []
-    right = Fraction(0)
-    for tree, weight in zip(trees, class_weights(trees), strict=True):
-        summands += [EquationTerm(weight * factor, block, stage) for factor, block, stage in sums(tree)]
-        right += weight / tree.density
-    return Equation(tuple(summands), right)
-
-
-def class_weights(trees: Iterable[Tree]) -> list[Fraction]:
-    """Coprime integers proportional to 1/σ, the weights of isomeric trees in Σ (a(τ) − 1/γ(τ))/σ(τ) = 0."""
-    symmetries = [tree.symmetry for tree in trees]
-    multiple = math.lcm(*symmetries)
-    return [Fraction(multiple, symmetry) for symmetry in symmetries]
-
-
-class Factor(NamedTuple):
-    """A factor of a product: a symbol with the numbers of its indices, to a power."""
-
-    symbol: tuple[str, str]
-    part: str
-    indices: tuple[int, ...]
-    exponent: int
-
-
-def left_text(program: ConditionProgram, equation: Equation, *, latex: bool = False) -> str:
-    """The left-hand side of an equation."""
-    return " + ".join(_summand_text(program, summand, latex) for summand in equation.summands)
-
-
-def _summand_text(program: ConditionProgram, summand: EquationTerm, latex: bool) -> str:
-    """A sum of products over indices: one for the root, and one for each edge that is not a single factor."""
-    block = program.blocks[summand.block]
-    factors = [Factor((block.argument.letter, block.argument.latex), block.part, (0,), 1)]
-    relations = [""]  # of each index to the previous one
-    _visit(program, summand.value, 0, factors, relations)
-    indices = index_letters(len(relations), latex)
-    parts = [_sign(relations, indices, latex)]
-    for symbol, part, at, exponent in factors:
-        own = [indices[k] for k in at]
-        subscript = ("," if len(own[-1]) > 1 and not latex else "").join(own)
-        parts.append(factor_text(symbol[latex], part, subscript, exponent, latex))
-    if summand.factor != 1:
-        parts.insert(0, latex_number(summand.factor, None) if latex else str(summand.factor))
-    return " ".join(parts)
-
-
-def _sign(relations: Sequence[str], indices: Sequence[str], latex: bool) -> str:
-    """Σ with the relations of its indices."""
-    chain = indices[-1]
-    for relation, index in zip(reversed(relations[1:]), reversed(indices[:-1]), strict=True):
-        sign = {"≤": r" \le " if latex else "≤"}.get(relation, f" {relation} " if latex else relation)
-        chain += sign + index
-    if latex:
-        return f"\\sum_{{{chain if any(relations) else ','.join(indices)}}}"
-    return f"Σ_{{{chain}}}" if any(relations) else "Σ"
-
-
-def _visit(program: ConditionProgram, stage: int, at: int, factors: list[Factor], relations: list[str]) -> None:
-    """Append the factors of a stage vector: first those with the index `at` only, then branch by branch."""
-    branches = []
-    for factor, equal in groupby(program.factors(stage)):
-        exponent = len(list(equal))
-        leaf = _leaf(program, factor)
-        if leaf is None:
-            branches += [factor] * exponent
-        elif leaf == factors[0][:2] and at == 0:  # x · x^(r−1) at the root is x^r
-            factors[0] = factors[0]._replace(exponent=exponent + 1)
-        else:
-            factors.append(Factor(*leaf, (at,), exponent))
-    for factor in branches:
-        _, which, branch = program.operations[factor]
-        operator, own = program.operators[which], len(relations)
-        relations.append(operator.relation)
-        if not operator.relation:
-            factors.append(Factor((operator.letter, operator.latex), operator.part, (at, own), 1))
-        _visit(program, branch, own, factors, relations)
-
-
-def _leaf(program: ConditionProgram, factor: int) -> tuple[tuple[str, str], str] | None:
-    """Symbol and part of a factor with one index: a vector, or row sums with a symbol."""
-    kind, which, branch = program.operations[factor]
-    if kind != IMAGE:
-        block = program.blocks[which]
-        return (block.argument.letter, block.argument.latex), block.part
-    operator = program.operators[which]
-    return (operator.row_sum, operator.part) if branch == ONE and operator.row_sum else None
 
 
 class Request(NamedTuple):
@@ -228,12 +147,24 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         return self.request.order
 
     @cached_property
+    def _weighted(self) -> list[list[tuple[Fraction, Tree]]]:
+        """The trees of each condition, with their weights in Σ (a(τ) − 1/γ(τ))/σ(τ) = 0 as coprime integers."""
+        symmetries = [[tree.symmetry for tree in trees] for trees in self.classes]
+        return [
+            [(Fraction(math.lcm(*own), symmetry), tree) for symmetry, tree in zip(own, trees, strict=True)]
+            for own, trees in zip(symmetries, self.classes, strict=True)
+        ]
+
+    @cached_property
     def program(self) -> ConditionProgram:
         """The program that computes the equations."""
         kind = KINDS[self.kind]
-        program = ConditionProgram(*kind.coefficients(self.names), self.request.structures)
-        sums = kind.sums(program)
-        program.require([equation_of(trees, sums) for trees in self.classes])
+        program = kind.program(self.names, self.request.structures)
+        sums, equations = kind.sums(program), []
+        for weighted in self._weighted:
+            terms = [EquationTerm(w * term.factor, *term[1:]) for w, tree in weighted for term in sums(tree)]
+            equations.append(Equation(tuple(terms), sum((w / tree.density for w, tree in weighted), Fraction(0))))
+        program.equations, program.size = tuple(equations), len(program.operations)
         return program
 
     @property
@@ -257,14 +188,13 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
     def __getitem__(self, index: int | str | Tree | slice) -> OrderCondition | list[OrderCondition]:
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
-        at = self._find(Tree(index)) if isinstance(index, str | Tree) else index
-        return OrderCondition(self.classes[at], self.program, self.program.equations[at])
-
-    def _find(self, tree: Tree) -> int:
-        for at, trees in enumerate(self.classes):
-            if tree in trees:
-                return at
-        raise SeriesError(f"tree must have one of these {len(self)} conditions, but was {tree}")
+        if isinstance(index, str | Tree):
+            tree = Tree(index)
+            found = next((at for at, trees in enumerate(self.classes) if tree in trees), None)
+            if found is None:
+                raise SeriesError(f"tree must have one of these {len(self)} conditions, but was {tree}")
+            index = found
+        return OrderCondition(self.classes[index], self.program, self.program.equations[index])
 
     def __iter__(self) -> Iterator[OrderCondition]:
         return (self[k] for k in range(len(self)))
@@ -308,20 +238,14 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             >>> bs.order_conditions("runge-kutta", 4).residuals(bs.method("rk4"))
             [Fraction(0, 1), Fraction(0, 1), ..., Fraction(0, 1)]
         """
-        if len(arrays) == 1 and isinstance(arrays[0], RungeKutta | PartitionedRungeKutta):
-            return self._residuals_of_method(arrays[0])
-        left = left_sides(self.program, read_blocks(self.program, arrays, self.request.stages))
-        return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]
-
-    def _residuals_of_method(self, method: RungeKutta | PartitionedRungeKutta) -> list[Any]:
-        """The residuals from the method's series, which are exact and simple also for irrational tableaux."""
-        if self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
+        method = arrays[0] if len(arrays) == 1 else None
+        if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+            left = formulas.left_sides(self.program, formulas.read_blocks(self.program, arrays, self.request.stages))
+        elif self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
             raise SeriesError(f"method must be one of the {len(self.names)}-part {self.kind} kind, but was {method!r}")
-        s = series(method, self.order, max_children=self.request.limits)
-        left = [
-            sum(weight * s[tree] for tree, weight in zip(trees, class_weights(trees), strict=True))
-            for trees in self.classes
-        ]
+        else:  # the method's series is exact and simple also for irrational tableaux
+            s = series(method, self.order, max_children=self.request.limits)
+            left = [sum(weight * s[tree] for weight, tree in weighted) for weighted in self._weighted]
         return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]
 
     def sympy(self, *arrays: Any, stages: int | None = None, nodes: bool = False) -> list[Any]:
@@ -342,12 +266,12 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             a_21**2*b_2 + b_3*(a_31 + a_32)**2
         """
         if arrays:
-            blocks = read_blocks(self.program, arrays, self.request.stages)
+            blocks = formulas.read_blocks(self.program, arrays, self.request.stages)
         else:
-            blocks = symbols(self.program, check_stages(self._chosen_stages(stages)))
-        if nodes and any(operator.row_sum != NODES for operator in self.program.operators):
+            blocks = formulas.symbols(self.program, check_stages(self._chosen_stages(stages)))
+        if nodes and any(operator.row_sum != "c" for operator in self.program.operators):
             raise SeriesError(f"nodes must be False for {self.kind} methods, but was True")
-        return equations(self.program, blocks, nodes=nodes)
+        return formulas.equations(self.program, blocks, nodes=nodes)
 
     def code(self, language: str, *, stages: int | None = None, jacobian: bool = True) -> str:
         """Source code of a function ``residual`` and, by default, ``jacobian``.
@@ -380,7 +304,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """
         title = f"{len(self)} order conditions of {self.kind} methods: order {self.order}"
         labels = (", ".join(tree.text(self._shown_names) for tree in trees) for trees in self.classes)
-        return source(self.program, title, labels, language, self._chosen_stages(stages), jacobian)
+        return formulas.source(self.program, title, labels, language, self._chosen_stages(stages), jacobian)
 
     def compile(self, stages: int | None = None) -> CompiledConditions:
         """The residual and its Jacobian as compiled functions of floats; see `CompiledConditions`.
@@ -405,19 +329,19 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         return self.names if len(self.names) > 1 else None
 
     @property
-    def _fields(self) -> tuple[tuple[str, Callable[[OrderCondition], object]], ...]:
+    def _fields(self) -> dict[str, Callable[[OrderCondition], object]]:
         """The entries of a condition in JSON and CSV."""
         names = self._shown_names
-        return (
-            ("tree", lambda x: x.tree.text(names)),
-            ("levels", lambda x: list(x.tree.levels)),
-            ("colors", lambda x: list(x.tree.colors)),
-            ("order", lambda x: x.tree.order),
-            ("isomeric", lambda x: [tree.text(names) for tree in x.trees[1:]]),
-            ("left", lambda x: x.left),
-            ("right", lambda x: str(x.right)),
-            ("latex", lambda x: x.to_latex()),
-        )
+        return {
+            "tree": lambda x: x.tree.text(names),
+            "levels": lambda x: list(x.tree.levels),
+            "colors": lambda x: list(x.tree.colors),
+            "order": attrgetter("tree.order"),
+            "isomeric": lambda x: [tree.text(names) for tree in x.trees[1:]],
+            "left": attrgetter("left"),
+            "right": lambda x: str(x.right),
+            "latex": OrderCondition.to_latex,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """The conditions as JSON-ready data."""
@@ -431,7 +355,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             "assumptions": {name: k for name, k in request.assumptions._asdict().items() if k},
             "scalar": request.scalar or None,
             "symmetric": request.symmetric,
-            "conditions": [{name: get(condition) for name, get in self._fields} for condition in self],
+            "conditions": [{name: get(condition) for name, get in self._fields.items()} for condition in self],
         }
 
     def to_table(self) -> Table:
@@ -450,9 +374,19 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             <BLANKLINE>
             c_i = Σ_j a_ij.
         """
-        names, rows = self._shown_names, LazyRows(lambda: self, len(self))
+        names, rows, request = self._shown_names, LazyRows(lambda: self, len(self)), self.request
+        notes = [f"{KINDS[self.kind].notation}."]
+        if any(request.assumptions):
+            notes.append(f"Conditions that follow from {request.assumptions} and from those listed are left out.")
+        if request.scalar:
+            equation = "y' = f(y)" if request.scalar == SCALAR[0] else "y' = f(t, y)"
+            notes.append(f"For scalar equations {equation}: isomeric trees share one condition.")
+        if request.symmetric:
+            notes.append(
+                "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."
+            )
         columns = (
-            Column("|τ|", True, lambda x: x.tree.order),
+            Column("|τ|", True, self._fields["order"]),
             Column("tree τ", get=lambda x: ", ".join(tree.text(names) for tree in x.trees)),
             Column("condition", get=str),
         )
@@ -460,25 +394,152 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             f"Order {self.order} of {KINDS[self.kind].about}: {len(self)} condition{'s' * (len(self) != 1)}",
             columns,
             rows,
-            list(_notes(self)),
+            notes,
             data=self.to_dict,
             items="conditions",
-            section=lambda x: x.tree.order,
-            records=listed(self._fields, rows),
+            section=self._fields["order"],
+            records=listed(self._fields.items(), rows),
             own={"latex": lambda width: self.to_latex() + "\n"},
         )
 
     _repr_html_, to_pandas = as_html, as_frame
 
 
-def _notes(found: OrderConditions) -> Iterator[str]:
-    """Sentences below the table."""
-    request = found.request
-    yield f"{KINDS[found.kind].notation}."
-    if any(request.assumptions):
-        yield f"Conditions that follow from {request.assumptions} and from those listed are left out."
-    if request.scalar:
-        equation = "y' = f(y)" if request.scalar == "autonomous" else "y' = f(t, y)"
-        yield f"For scalar equations {equation}: isomeric trees share one condition."
-    if request.symmetric:
-        yield "For symmetric methods, whose order is even: conditions for even numbers of nodes are left out."
+def order_conditions(
+    kind: str,
+    order: int,
+    *,
+    stages: int | None = None,
+    colors: int | None = None,
+    structure: str | Sequence[str] = FULL,
+    explicit: bool = False,
+    assumptions: str | Mapping[str, int] | None = None,
+    scalar: bool | str = False,
+    symmetric: bool = False,
+    max_children: Any = None,
+) -> OrderConditions:
+    """Order conditions on the coefficients of a method.
+
+    Args:
+        kind: ``"runge-kutta"``; ``"partitioned"`` or ``"additive"`` (one matrix A and row b for each part, stacked);
+            ``"nystrom"`` for y'' = g(y) and ``"general-nystrom"`` for y'' = g(y, y'), with stages
+            Y_i = y + c_i h y' + h² Σ ā_ij g_j and Y'_i = y' + h Σ a_ij g_j, positions y + h y' + h² Σ b̄_i g_i and
+            velocities y' + h Σ b_i g_i; ``"rosenbrock"`` with α_ij, γ_ij and b_i, where β = α + γ; ``"splitting"``: s
+            sweeps of exact flows, x^ν_i h being the time of the flow of part ν in sweep i.
+        order: The order.
+        stages: The number of stages s (sweeps of a splitting method), where equations and code need one.
+        colors: The number of parts, for kinds with parts; by default 2.
+        structure: ``"full"``, ``"explicit"`` or ``"diagonally-implicit"`` matrices; a list with one for each matrix.
+        explicit: Short for ``structure="explicit"``.
+        assumptions: Simplifying assumptions on a Runge–Kutta method, as in ``"B5 C2 D1"`` or ``{"C": 2}``: conditions
+            that they and the remaining conditions imply are left out; see `Assumptions.implies`.
+        scalar: ``"autonomous"`` (or True) and ``"nonautonomous"`` for Runge–Kutta methods on scalar equations y' = f(y)
+            and y' = f(t, y): isomeric trees, with equal elementary differentials, are summed,
+            Σ (a(τ) − 1/γ(τ))/σ(τ) = 0.
+        symmetric: The methods are symmetric, hence of even order: conditions for even numbers of nodes are left out.
+        max_children: Which trees to include, as in `TreeTable`, for Runge–Kutta, partitioned and additive methods.
+
+    Raises:
+        SeriesError: The kind is unknown, an argument does not apply to it, or there are too many conditions.
+        TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.
+
+    Example:
+        >>> conditions = order_conditions("runge-kutta", 10)
+        >>> len(conditions), len(order_conditions("runge-kutta", 10, assumptions="B10 C5 D4"))
+        (1205, 0)
+        >>> print(order_conditions("rosenbrock", 3))
+        Σ b_i = 1
+        Σ b_i β_i = 1/2
+        Σ b_i β_ij β_j = 1/6
+        Σ b_i α_i^2 = 1/3
+        >>> print(order_conditions("splitting", 2))
+        Σ x^p_i = 1
+        Σ x^q_i = 1
+        Σ_{j<i} x^p_i x^q_j = 1/2
+
+    References:
+        HLW, sections III.1–III.2; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*,
+        sections II.7 and II.14; E. Hairer, G. Wanner, *… II*, section IV.7; A. Murua, J. M. Sanz-Serna, *Order
+        conditions for numerical integrators obtained by composing simpler integrators*, doi:10.1098/rsta.1999.0365;
+        J. C. Butcher, *Numerical Methods for Ordinary Differential Equations*, section 316 (isomeric trees).
+    """
+    name = kind.lower().replace("_", "-") if isinstance(kind, str) else ""
+    if name not in KINDS:
+        near = suggestion(str(name or kind), KINDS)
+        raise SeriesError(f"kind must be one of {', '.join(KINDS)}, but was {kind!r:.60}{near}")
+    chosen = KINDS[name]
+    if colors is not None and not chosen.has_parts:
+        raise SeriesError(f"colors must be left out for {chosen.about}, but was {colors!r:.60}")
+    order, colors = check_size(order, chosen.colors if colors is None else colors)
+    limits = normal_limits(colors, chosen.limits if max_children is None else max_children)
+    if max_children is not None and (chosen.trees or chosen.limits):
+        raise SeriesError(f"max_children must be left out for {chosen.about}, but was {max_children!r:.60}")
+    if not isinstance(scalar, bool | None) and scalar not in SCALAR:
+        raise SeriesError(f"scalar must be True, False, {SCALAR[0]!r} or {SCALAR[1]!r}, but was {scalar!r:.60}")
+    names = default_names(colors)
+    request = Request(
+        name,
+        order,
+        None if stages is None else check_stages(stages),
+        colors,
+        _check_structure(chosen, names, EXPLICIT if explicit else structure),
+        Assumptions.read(assumptions),
+        SCALAR[0] if scalar is True else scalar or "",
+        bool(symmetric),
+        limits,
+    )
+    if name != "runge-kutta" and (any(request.assumptions) or request.scalar):
+        argument = "scalar" if request.scalar else "assumptions"
+        raise SeriesError(f"{argument} must be left out for {chosen.about}, but was given")
+    if request.scalar and any(request.assumptions):
+        raise SeriesError(f"assumptions must be left out where scalar is given, but were {request.assumptions}")
+    return OrderConditions(request, names, _classes(request, chosen))
+
+
+def _check_structure(kind: MethodKind, names: Sequence[str], structure: object) -> tuple[str, ...]:
+    """The structure of each matrix."""
+    count = sum(argument.is_matrix for argument in kind.arguments) * (len(names) if kind.has_parts else 1)
+    if kind.structures or not count:
+        if structure != FULL:
+            raise SeriesError(f"structure must be left out for {kind.about}, but was {structure!r:.60}")
+        return kind.structures or ()
+    each = (structure,) * count if isinstance(structure, str) else structure
+    listed = tuple(each) if isinstance(each, Sequence) else ()
+    if len(listed) != count or not all(s in STRUCTURES for s in listed):
+        raise SeriesError(
+            f"structure must be one of {', '.join(STRUCTURES)}, or {count} of them, but was {structure!r:.60}"
+        )
+    return listed
+
+
+def _classes(request: Request, kind: MethodKind) -> list[list[Tree]]:
+    """The trees of each condition; on scalar equations those with equal elementary differentials, first ones first."""
+    order, colors, limits = request.order, request.colors, request.limits
+    count = sum(count_lyndon_words(order, colors) if kind.trees else count_trees(order, colors, limits))
+    if count > MOST_CONDITIONS:
+        raise SeriesError(
+            f"order must be smaller: there would be {count:,} conditions, and {MOST_CONDITIONS:,} is the most"
+        )
+    classes: dict[Any, list[Tree]] = {}
+    for tree in kind.trees(order, colors) if kind.trees else tree_table(order, colors, limits):
+        implied = any(request.assumptions) and request.assumptions.implies(tree)
+        even = request.symmetric and tree.order % 2 == 0
+        holds = kind.limits and tree.order == 1 and tree.color  # y₁ = y₀ + h y₀' + … of Nyström methods
+        if not (implied or even or holds):
+            key = _scalar_differential(tree, request.scalar) if request.scalar else tree
+            classes.setdefault(key, []).append(tree)
+    return list(classes.values())
+
+
+def _scalar_differential(tree: Tree, scalar: str) -> tuple[Any, ...]:
+    """What determines the elementary differential of a tree on scalar equations.
+
+    On y' = f(y) it is Π f^(m) over the nodes with m ≥ 1 children. On y' = f(t, y) a leaf is a derivative along (1, f),
+    any other child a derivative by y: a node with l leaves and m other children is (∂_t + f ∂_y)^l ∂_y^m f, one of
+    Butcher's atoms.
+    """
+    inner = [t.children for _, t in tree.preorder() if t.children]
+    if scalar == SCALAR[0]:
+        return tuple(sorted(map(len, inner)))
+    others = [sum(1 for child in children if child.children) for children in inner]
+    return tuple(sorted((len(children) - m, m) for m, children in zip(others, inner, strict=True)))

@@ -1,21 +1,29 @@
-"""Kinds of answers: how each is written, read and judged."""
+"""Kinds of answers: how each is written, read and judged.
+
+Linear combinations of elementary differentials, such as ``h/2 f'f + theta*f''(f,f'f)``, have the grammar
+
+    differential = "f" | "f'" differential | "f'" {"'"} "(" differential {"," differential} ")"
+
+A derivative of order k has k arguments. Coefficients are formulas; the sign * beside a differential may be left out.
+"""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-from bseries.course.differential_text import combination, read_differentials
 from bseries.course.equality import EXACTLY, equality, factor_between, first_wrong_power, has_digits
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
-from integrators.core.errors import shorten
+from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import ELEMENTARY, parse_expression
+from trees import Tree
 
 if TYPE_CHECKING:
     import sympy
@@ -25,6 +33,27 @@ MOST_NODES = 6
 """Methods are compared, and their structure is tested, on trees with up to this number of nodes."""
 MOST_STAGES = 6
 """Of a tableau in an answer."""
+START = re.compile(r"(?<![^\W\d])f(?!\w)")
+"""An f that is no part of a name; a number may stand before it."""
+MOST_FACTORS = 12
+"""Of an elementary differential."""
+SIGNS = {"·": "*", "⋅": "*", "×": "*", "’": "'", "′": "'", "π": "pi"}
+SIGNS |= {"γ": "gamma", "ε": "eps", "θ": "theta", "φ": "phi", "ω": "omega"}
+"""Signs in answers, and what the parser of formulas reads in their place."""
+NO_SIGN = re.compile(r"(?<![\w.^/])(?<![\^/]\s)((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?=(?![eE][+-]?\d)[^\W\d]|\()")
+"""A number before a name or a parenthesis, as in 3a^2/8; what 1/2a means would be a guess."""
+
+
+def plain(text: str) -> str:
+    """An answer with the signs that the parser of formulas reads.
+
+    Example:
+        >>> plain("3θ^2/8 + 2·sin(q) - 1e3"), plain("4(1 + p) + 1/2 f'f")
+        ('3*theta^2/8 + 2*sin(q) - 1e3', "4*(1 + p) + 1/2 f'f")
+    """
+    for sign, word in SIGNS.items():
+        text = text.replace(sign, word)
+    return NO_SIGN.sub(r"\1*", text)
 
 
 class Judgement(NamedTuple):
@@ -99,18 +128,16 @@ class Formulas(AnswerKind):
         for k, (entry, wanted) in enumerate(zip(entries, truth, strict=True), 1):
             given = parse_expression(entry, names=names, functions=ELEMENTARY, argument=argument)
             others = {sentence: make()[k - 1] for sentence, make in self.others.items()}
-            found = self._compare(given, sympy.sympify(wanted, strict=True), symbols, others)
+            exact = sympy.sympify(wanted, strict=True)
+            if self.digits is not None:
+                right = has_digits(given, exact, self.digits)
+                found = Judgement(right, f"equal to {self.digits} digits" if right else "differs")
+            else:
+                found = compare(given, exact, symbols, others, constant=self.constant)
             if not found.right:
                 return Judgement(False, found.remark if self.count == 1 else f"entry {k}: {found.remark}")
             remarks.append(found.remark)
         return Judgement(True, next((remark for remark in remarks if remark != EXACTLY), EXACTLY))
-
-    def _compare(self, given: Any, wanted: Any, symbols: Sequence[Any], others: Mapping[str, Any]) -> Judgement:
-        """One formula with another."""
-        if self.digits is not None:
-            right = has_digits(given, wanted, self.digits)
-            return Judgement(right, f"equal to {self.digits} digits" if right else "differs")
-        return compare(given, wanted, symbols, others, constant=self.constant)
 
 
 @dataclass(frozen=True)
@@ -200,24 +227,140 @@ class Tableau(AnswerKind):
 def compare(
     given: sympy.Expr, wanted: sympy.Expr, symbols: Sequence[Any], others: Mapping[str, Any], *, constant: bool = False
 ) -> Judgement:
-    """Compare two formulas, up to a constant if asked."""
+    """Compare two formulas, up to a constant if asked; the remark says how a wrong one differs."""
     found = equality(given, wanted, symbols, constant=constant)
     if found:
         return Judgement(True, found)
     for sentence, other in others.items():
         if equality(given, other, symbols, constant=constant):
             return Judgement(False, sentence)
-    return Judgement(False, _in_what(given, wanted, symbols, constant))
-
-
-def _in_what(given: Any, wanted: Any, symbols: Sequence[Any], constant: bool) -> str:
-    """In what a formula differs from another one that is not equal."""
     if equality(given, wanted * 0, symbols, constant=constant):
-        return "is a constant" if constant else "is zero"
+        return Judgement(False, "is a constant" if constant else "is zero")
     factor = factor_between(given, wanted, symbols, constant=constant)
     if factor == "-1":
-        return "has the other sign"
+        return Judgement(False, "has the other sign")
     if factor and symbols:  # of a number, the factor would tell the answer
-        return f"is {factor} times what is asked"
+        return Judgement(False, f"is {factor} times what is asked")
     power = 0 if constant else first_wrong_power(given, wanted, symbols)
-    return f"is right through h^{power - 1}, and wrong at h^{power}" if power > 0 else "differs"
+    return Judgement(False, f"is right through h^{power - 1}, and wrong at h^{power}" if power > 0 else "differs")
+
+
+def differential_symbol(tree: Tree) -> sympy.Symbol:
+    """The symbol that stands for the elementary differential of a tree in formulas."""
+    import sympy
+
+    return sympy.Symbol("F" + "_".join(map(str, tree.levels)))
+
+
+def read_differentials(text: str, *, names: Iterable[str] = (), argument: str = "formula") -> sympy.Expr:
+    """A combination of elementary differentials as a formula in their symbols (`differential_symbol`).
+
+    Args:
+        text: The combination.
+        names: The symbols in coefficients.
+        argument: The name of the text in messages.
+
+    Raises:
+        SeriesError: The text is no linear combination of elementary differentials.
+
+    Example:
+        >>> formula = read_differentials("h/2 f'f - (1/3)*f''(f, f'(f))", names=["h"])
+        >>> formula
+        F0_1*h/2 - F0_1_1_2/3
+        >>> formula.coeff(differential_symbol(Tree("[τ,[τ]]")))
+        -1/3
+    """
+    import sympy
+
+    reader = _Reader(text, argument)
+    written = reader.written()
+    try:
+        formula = parse_expression(written, names=[*names, *reader.trees], functions=ELEMENTARY, argument=argument)
+    except IntegratorError as error:
+        raise SeriesError(reader.in_words(str(error))) from None
+    symbols = tuple(map(sympy.Symbol, reader.trees))
+    if formula.xreplace(dict.fromkeys(symbols, 0)) != 0 or any(formula.diff(f).has(*symbols) for f in symbols):
+        raise SeriesError(
+            f"{argument} must be a sum of numbers times elementary differentials such as f'f, but was {shorten(text)!r}"
+        )
+    return formula
+
+
+def combination(coefficients: Mapping[Tree, Any]) -> sympy.Expr:
+    """The formula of Σ c(τ) F(τ) in the symbols of elementary differentials."""
+    import sympy
+
+    return sympy.Add(*(sympy.sympify(c, strict=True) * differential_symbol(tree) for tree, c in coefficients.items()))
+
+
+class _Reader:
+    """The differentials of a text, each replaced by its symbol."""
+
+    def __init__(self, text: str, argument: str):
+        self.text, self.argument, self.place = text, argument, 0
+        self.trees: dict[str, Tree] = {}
+
+    def written(self) -> str:
+        """The text with symbols for differentials, and with signs * beside them."""
+        written, end = "", 0
+        for match in START.finditer(self.text):
+            if match.start() < end:  # inside the last one
+                continue
+            written += self.text[end : match.start()]
+            self.place = match.start()
+            tree = self.differential()
+            end, name = self.place, differential_symbol(tree).name
+            self.trees[name] = tree
+            before = "*" if re.search(r"[\w).]\s*$", written) else ""
+            after = "*" if re.match(r"\s*[\w(.]", self.text[end:]) else ""
+            written += before + name + after
+        return written + self.text[end:]
+
+    def differential(self) -> Tree:
+        """The tree of the differential that begins here."""
+        self.skip("f")
+        primes = 0
+        while self.next() == "'":
+            self.place += 1
+            primes += 1
+        if primes == 0:
+            return Tree("τ")
+        if primes == 1 and self.next() == "f":
+            children = [self.differential()]
+        else:
+            self.skip("(")
+            children = [self.differential()]
+            while self.next() == ",":
+                self.place += 1
+                children.append(self.differential())
+            self.skip(")")
+        tree = Tree.join(children)
+        if len(children) != primes:
+            self.refuse(f"has a derivative of order {primes} with {len(children)} arguments")
+        if tree.order > MOST_FACTORS:
+            self.refuse(f"has a differential with more than {MOST_FACTORS} factors f")
+        return tree
+
+    def next(self) -> str:
+        """The next character that is no space."""
+        while self.text[self.place : self.place + 1].isspace():
+            self.place += 1
+        return self.text[self.place : self.place + 1]
+
+    def skip(self, sign: str) -> None:
+        """Go past a character, which must be the next one."""
+        if self.next() != sign:
+            self.refuse(f"has {self.next() or 'its end'!r} where {sign!r} is expected at position {self.place + 1}")
+        self.place += 1
+
+    def refuse(self, problem: str) -> NoReturn:
+        """Raise an error that quotes the text."""
+        raise SeriesError(
+            f"{self.argument} must be a sum of elementary differentials, but {shorten(self.text)!r} {problem}"
+        )
+
+    def in_words(self, message: str) -> str:
+        """A message of the parser with differentials in place of their symbols."""
+        for name in sorted(self.trees, key=len, reverse=True):
+            message = message.replace(name, self.trees[name].differential())
+        return message

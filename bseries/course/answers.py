@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
+from bseries.course.answer_kinds import plain
 from bseries.course.questions import QUESTIONS, Question
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
@@ -158,7 +159,7 @@ def _read(text: str) -> dict[str, str]:
     if len(text) > MOST_CHARACTERS:
         raise SeriesError(f"answers must have at most {MOST_CHARACTERS:,} characters, but had {len(text):,}")
     keys, given = [question.key for question in QUESTIONS], dict[str, str]()
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
         content = line.partition("#")[0].strip()
         if not content:
             continue
@@ -183,7 +184,7 @@ def _checked(question: Question, text: str) -> CheckedAnswer:
     try:
         if len(text) > MOST_OF_AN_ANSWER:
             raise SeriesError(f"{question.key} must have at most {MOST_OF_AN_ANSWER} characters, but had {len(text)}")
-        right, remark = question.kind.judge(text, question.truth(), question.key)
+        right, remark = question.kind.judge(plain(text), question.truth(), question.key)
     except (SeriesError, IntegratorError) as error:
         return CheckedAnswer(question.key, text, UNREADABLE, str(error))
     return CheckedAnswer(question.key, text, RIGHT if right else WRONG, remark)

@@ -21,7 +21,7 @@ from integrators.core.errors import not_one_of
 if TYPE_CHECKING:
     import sympy
 
-    from bseries.hamiltonians.drift.report import DriftReport
+    from bseries.hamiltonians.energy_drift import DriftReport
 
 PLACE = re.compile(r"\{\{([a-z0-9-]+)\}\}")
 
@@ -222,11 +222,6 @@ def _pendulum_drift() -> DriftReport:
     return bs.energy_drift(SIMPLIFIED, asymmetric, y0=list(START_PENDULUM), h=H_PENDULUM)
 
 
-def _pendulum_space_mean() -> str:
-    """The right-hand side of (19) on the asymmetric pendulum: the integral over the orbit, divided by the period."""
-    return _scientific(_pendulum_drift().slope(), 5)
-
-
 def _pendulum_time_mean() -> str:
     """The left-hand side of (19): the mean of the rate along the exact solution, over many turns."""
     import numpy as np
@@ -259,51 +254,25 @@ def _atom_drifts() -> list[Any]:
 def _atom_means() -> str:
     """The left-hand side of (19) for atoms: means over time with their standard errors, and diffusion constants."""
     rows = [
-        [str(k), f"{s.time:,.0f}", _with_error(s.mean, s.error, 2), _with_error(s.diffusion, s.diffusion_error, 0)]
+        [
+            str(k), f"{s.time:,.0f}",
+            rf"${s.mean:.2f} \pm {s.error:.2f}$", rf"${s.diffusion:.0f} \pm {s.diffusion_error:.0f}$",
+        ]
         for k, s in enumerate(_atom_drifts(), 1)
-    ]
+    ]  # fmt: skip
     return _table(("start", "length in time", r"mean of $F/h^4$", "$D/h^8$"), rows)
 
 
-def _with_error(value: float, error: float, digits: int) -> str:
-    """A measured value with its standard error."""
-    return rf"${value:.{digits}f} \pm {error:.{digits}f}$"
-
-
-def _members() -> str:
-    """The number of trajectories of figure 8."""
-    return str(figure_data("lennard-jones-drift").members)
-
-
-def _deviation() -> str:
-    """σ at the end of figure 8."""
-    return _scientific(figure_data("lennard-jones-drift").deviation[-1])
-
-
-def _mean() -> str:
-    """μ at the end of figure 8, with its standard error."""
-    data = figure_data("lennard-jones-drift")
-    return rf"{_scientific(data.mean[-1])} \pm {_scientific(data.standard_error[-1], 2)}"
+def _atoms() -> Any:
+    """The data of figure 8."""
+    return figure_data("lennard-jones-drift")
 
 
 def _predicted_deviation() -> str:
     """σ at the end of figure 8 by the diffusion of the rate, h⁴ √(2Dt), with the mean of D over the starts."""
-    data, found = figure_data("lennard-jones-drift"), _atom_drifts()
+    data, found = _atoms(), _atom_drifts()
     diffusion = sum(s.diffusion for s in found) / len(found)
     return _scientific(data.h**4 * (2 * diffusion * data.t[-1]) ** 0.5, 2)
-
-
-def _lecture_mean_error() -> str:
-    """The standard error of the lecture's μ, by its own σ."""
-    members, _, deviation, _ = LECTURE
-    return _scientific(deviation / members**0.5, 2)
-
-
-def _agreeing_step() -> str:
-    """The step size for which our σ would be the lecture's, if σ is proportional to h⁴."""
-    data = figure_data("lennard-jones-drift")
-    _, _, deviation, _ = LECTURE
-    return f"{data.h * (deviation / data.deviation[-1]) ** 0.25:.4f}"
 
 
 def _any_hamiltonian() -> tuple[sympy.Expr, list[sympy.Symbol], list[sympy.Symbol]]:
@@ -373,14 +342,15 @@ COMPUTED: dict[str, Callable[[], str]] = {
     "takahashi-imada-defect": _defect,
     "takahashi-imada-integral": _takahashi_imada_integral,
     "pendulum-time-mean": _pendulum_time_mean,
-    "pendulum-space-mean": _pendulum_space_mean,
+    "pendulum-space-mean": lambda: _scientific(_pendulum_drift().slope(), 5),
     "atom-means": _atom_means,
-    "figure-8-members": _members,
-    "figure-8-deviation": _deviation,
+    "figure-8-members": lambda: str(_atoms().members),
+    "figure-8-deviation": lambda: _scientific(_atoms().deviation[-1]),
     "figure-8-predicted": _predicted_deviation,
-    "figure-8-mean": _mean,
-    "figure-8-lecture-error": _lecture_mean_error,
-    "figure-8-step": _agreeing_step,
+    "figure-8-mean": (lambda: rf"{_scientific(_atoms().mean[-1])} \pm {_scientific(_atoms().standard_error[-1], 2)}"),
+    # The standard error of the lecture's μ by its own σ; and the step for which our σ, of order h⁴, would be the same.
+    "figure-8-lecture-error": lambda: _scientific(LECTURE[2] / LECTURE[0] ** 0.5, 2),
+    "figure-8-step": lambda: f"{_atoms().h * (LECTURE[2] / _atoms().deviation[-1]) ** 0.25:.4f}",
     "exact-generating-function": _exact_generating_function,
     "symplectic-euler-any": _symplectic_euler,
 }

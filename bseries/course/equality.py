@@ -12,8 +12,8 @@ from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.fields.symbolic.polynomials import TooLarge
+from bseries.fields.differential_rings import DifferentialRing
+from bseries.fields.polynomials import TooLarge
 
 if TYPE_CHECKING:
     import sympy
@@ -116,13 +116,16 @@ def factor_between(
     x0, y0 = (start.first, start.second) if constant else (0, 0)
     if any(sample.second == y0 for sample in samples):
         return ""
-    h = None if constant else _step(symbols)
+    h = None if constant else next((symbol for symbol in symbols if symbol.name == "h"), None)
     with mpmath.workdps(DIGITS):
         for k in POWERS if h else (0,):
             ratios = [(x - x0) / (y - y0) / (point[h] ** k if h else 1) for point, x, y in samples]
-            factor = _fraction(ratios[0])
-            if factor and all(agree(ratio, ratios[0]) for ratio in ratios):
-                return _monomial(factor, k)
+            factor = Fraction(str(ratios[0])).limit_denominator(MOST_DENOMINATOR)
+            exact = mpmath.mpf(factor.numerator) / factor.denominator
+            if factor and agree(ratios[0], exact) and all(agree(ratio, ratios[0]) for ratio in ratios):
+                power = "h" if k == 1 else f"h^{k}"
+                sign = {1: "", -1: "-"}.get(factor, f"{factor}*")  # pyright: ignore[reportCallIssue, reportArgumentType]
+                return f"{sign}{power}" if k else str(factor)
     return ""
 
 
@@ -137,7 +140,7 @@ def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[s
     """
     import mpmath
 
-    h, found = _step(symbols), set[int]()
+    h, found = next((symbol for symbol in symbols if symbol.name == "h"), None), set[int]()
     if h is None:
         return 0
     with mpmath.workdps(DIGITS):
@@ -226,22 +229,3 @@ def _real(formula: sympy.Expr, point: Mapping[Any, Any]) -> Any:
         return value(formula, point)
     except (ArithmeticError, ValueError):
         return None
-
-
-def _step(symbols: Sequence[sympy.Symbol]) -> sympy.Symbol | None:
-    """The symbol h, if it is one."""
-    return next((symbol for symbol in symbols if symbol.name == "h"), None)
-
-
-def _monomial(factor: Fraction, k: int) -> str:
-    """c h^k as text."""
-    power = "h" if k == 1 else f"h^{k}"
-    return str(factor) if k == 0 else power if factor == 1 else f"-{power}" if factor == -1 else f"{factor}*{power}"
-
-
-def _fraction(ratio: Any) -> Fraction | None:
-    """The fraction with a small denominator that a number agrees with."""
-    import mpmath
-
-    near = Fraction(str(ratio)).limit_denominator(MOST_DENOMINATOR)
-    return near if agree(ratio, mpmath.mpf(near.numerator) / near.denominator) else None

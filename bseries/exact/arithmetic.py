@@ -33,7 +33,7 @@ class Exact:
     """Python or SymPy numbers in lists; kernels run uncompiled."""
 
     modulus: Any = 0
-    majorant = False
+    majorant = compiled = False
     dtype = "object"
 
     def __init__(self, element: Callable[[Any], Any] | None = None):
@@ -41,18 +41,14 @@ class Exact:
 
     def run(self, kernel: Kernel) -> Any:
         """The interpreted or compiled version of a kernel."""
-        return kernel.py_func
+        return kernel.compiled if self.compiled else kernel.py_func
 
     def by_order(self, table: TreeTable) -> bool:
-        """Whether recursions treat all trees of an order at once (`bseries.exact.whole_orders`)."""
-        return False
+        """Whether recursions treat all trees of an order at once, since the table is not made for compiled kernels."""
+        return self.compiled and not table.compiled
 
-    def zeros(self, size: int) -> Any:
-        """A vector of `size` zeros."""
-        return [0] * size
-
-    def scratch(self, size: int) -> Any:
-        """A work vector wide enough for sums of products."""
+    def zeros(self, size: int, *, wide: bool = False) -> Any:
+        """A vector of `size` zeros; `wide`: wide enough for sums of products."""
         return [0] * size
 
     def width(self, entries: int) -> Any:
@@ -69,7 +65,7 @@ class Exact:
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree, as the kernels expect them."""
-        return table.lists
+        return table.arrays if self.compiled else table.lists
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids, such as splits and partitions, as the kernels expect them."""
@@ -107,41 +103,18 @@ class Exact:
     """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
 
 
-class Rationals(Exact):
-    """python-flint's rational numbers in lists, which take a tenth of the time of Fractions."""
-
-    def number(self, value: Any) -> Any:
-        """An integer or a Fraction."""
-        from flint import fmpq
-
-        return fmpq(value.numerator, value.denominator)
-
-
 class Compiled(Exact):
     """Numbers in NumPy arrays; kernels run compiled."""
 
+    compiled = True
     dtype: str
     wide: str
 
-    def run(self, kernel: Kernel) -> Any:
-        """The compiled kernel."""
-        return kernel.compiled
-
-    def by_order(self, table: TreeTable) -> bool:
-        """Whether the table is not made for compiled kernels."""
-        return not table.compiled
-
-    def zeros(self, size: int) -> Any:
+    def zeros(self, size: int, *, wide: bool = False) -> Any:
         """An array of `size` zeros."""
         import numpy as np
 
-        return np.zeros(size, self.dtype)
-
-    def scratch(self, size: int) -> Any:
-        """A work array wide enough for sums of products."""
-        import numpy as np
-
-        return np.zeros(size, self.wide)
+        return np.zeros(size, self.wide if wide else self.dtype)
 
     def width(self, entries: int) -> Any:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
@@ -158,10 +131,6 @@ class Compiled(Exact):
         import numpy as np
 
         return np.array(numbers, np.uint64)
-
-    def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
-        """The columns as unsigned arrays."""
-        return table.arrays
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays."""
@@ -185,7 +154,10 @@ class FloatLists(Exact):
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
         """Factors as sums of two floats, the first of 24 bits; those of j = 0 and 1 are just rounded."""
-        weights = [self.number(values[j]) if j < 2 else leading_bits(values[j]) for j in range(len(values))]
+        weights = [self.number(value) for value in values]
+        for j in range(2, len(values)):
+            fraction, exponent = math.frexp(weights[j])
+            weights[j] = math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
         tails = [0 if j < 2 else value - Fraction(weights[j]) for j, value in enumerate(values)]
         return self.vector(weights), self.vector(tails)
 
@@ -194,12 +166,6 @@ class Float(Compiled, FloatLists):
     """float64."""
 
     dtype = wide = "float64"
-
-
-def leading_bits(value: Fraction) -> float:
-    """The first 24 bits of a number."""
-    fraction, exponent = math.frexp(float(value))
-    return math.ldexp(round(math.ldexp(fraction, 24)), exponent - 24)
 
 
 class Majorant(Float):
@@ -339,11 +305,19 @@ class WrappedStages(Wrapped):
 
 def rationals(trees: float = math.inf) -> Exact:
     """Exact rational arithmetic: for few trees, Fractions take less time than loading flint."""
-    return Exact() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
+    return _fractions() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
+
+
+@lru_cache(maxsize=1)
+def _flint() -> Exact:
+    """python-flint's rational numbers in lists, which take a tenth of the time of Fractions."""
+    from flint import fmpq
+
+    return Exact(lambda value: fmpq(value.numerator, value.denominator))
 
 
 # One object for each set of arguments, so that caches can be keyed by arithmetic.
-_flint = lru_cache(maxsize=1)(Rationals)
+_fractions = lru_cache(maxsize=1)(Exact)
 floats = lru_cache(maxsize=1)(Float)
 float_lists = lru_cache(maxsize=1)(FloatLists)
 prime_field = lru_cache(maxsize=1024)(Prime)

@@ -2,8 +2,8 @@
 
 Three domains, from the narrowest to the widest:
 
-- rational numbers (``QQ``): `RationalValues`, integers over common denominators (`bseries.exact.rationals`); the
-  docstring of `bseries.exact.operations` says how they are proved;
+- rational numbers (``QQ``): `RationalValues`, integers over common denominators ; the docstring of
+  `bseries.exact.rationals` says how they are proved;
 - a ring of algebraic numbers or of expressions in symbols: `RingValues`, elements of a SymPy domain. A common
   denominator L of the entries of a method is kept apart (coefficient = element / L^n), so that no greatest common
   divisor is computed before a coefficient is read;
@@ -11,7 +11,7 @@ Three domains, from the narrowest to the widest:
 
 A domain provides three things, which share the name `kind`:
 
-- values: a class that satisfies `Values`, the coefficients of a series;
+- values: a subclass of `Values`, the coefficients of a series;
 - stages: a class in `bseries.algebra.stages`, the entries of a method, with ``load`` as in `Values`: the elementary
   weights, or with ``field=None`` the stages themselves;
 - an arithmetic: a subclass of `bseries.exact.arithmetic.Exact` that the recursions run in.
@@ -29,11 +29,11 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+from bseries.exact import rationals as rational_series
 from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
-from bseries.exact.operations import BY_ORDER, Operation, evaluate, interpreted_seconds, works_by_order
-from bseries.exact.rationals import RationalValues
+from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
@@ -43,51 +43,6 @@ if TYPE_CHECKING:
     import sympy
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
-
-
-class Values(Protocol):
-    """The coefficients of all trees of a table, in one domain."""
-
-    kind: str  # the domain: ``rational``, ``ring`` or ``float``
-    table: TreeTable
-
-    @property
-    def name(self) -> str:
-        """The name of the domain as users see it, such as ``QQ`` or ``QQ<sqrt(3)>``."""
-        ...
-
-    def __getitem__(self, at: int) -> Coefficient:
-        """The coefficient of a tree, given its id."""
-        ...
-
-    def coefficients(self) -> list[Any]:
-        """All coefficients, as users see them."""
-        ...
-
-    def is_zero(self, at: int) -> bool:
-        """Whether the coefficient of a tree is zero."""
-        ...
-
-    def equals_at(self, other: Any, at: int) -> bool:
-        """Whether other values, made `alike`, have the same coefficient of a tree."""
-        ...
-
-    def truncated(self, table: TreeTable) -> Values:
-        """The coefficients of the trees of a smaller table, the first of the own one."""
-        ...
-
-    @property
-    def reduced(self) -> Any:
-        """The same values over the smallest denominators, or in a field without any."""
-        ...
-
-    def homogeneous(self, *, flow: bool) -> Any:
-        """The coefficients times a factor for each number of nodes n; for a flow L^n, as products of values have it."""
-        ...
-
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
-        """The values as a raw vector of an arithmetic, scaled as a field or a flow; `table` is that of the values."""
-        ...
 
 
 def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
@@ -106,7 +61,9 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
 
         if isinstance(value, sympy.Rational):
             return Fraction(int(value.p), int(value.q))
-        if isinstance(value, sympy.Expr) and _is_usable(value):
+        outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
+        is_usable = isinstance(value, sympy.Expr) and not value.has(*outside) and value.is_finite is not False
+        if is_usable and value.is_commutative is not False:
             if not value.has(sympy.Float):
                 return value
             if value.is_number and value.is_real:
@@ -115,22 +72,11 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
     raise SeriesError(f"{name} must be a number or a SymPy expression, but was {value!r:.60}")
 
 
-def _is_usable(value: sympy.Expr) -> bool:
-    """Whether an expression can be a coefficient: real, finite, and commutative."""
-    import sympy
-
-    outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
-    return not value.has(*outside) and value.is_finite is not False and value.is_commutative is not False
-
-
-class FloatValues:
+class FloatValues(Values):
     """Coefficients in float64."""
 
     kind = "float"
     name = "RR"
-
-    def __init__(self, table: TreeTable, values: Any):
-        self.table, self.raw = table, values
 
     def __getitem__(self, at: int) -> float:
         return float(self.raw[at])
@@ -139,39 +85,19 @@ class FloatValues:
         """All coefficients."""
         return list(self.raw) if isinstance(self.raw, list) else self.raw.tolist()
 
-    def is_zero(self, at: int) -> bool:
-        """Whether a coefficient is exactly zero."""
-        return not self.raw[at]
-
-    def equals_at(self, other: FloatValues, at: int) -> bool:
-        """Whether a coefficient is exactly the same."""
-        return bool(self.raw[at] == other.raw[at])
-
-    def truncated(self, table: TreeTable) -> FloatValues:
-        """The coefficients of the first trees."""
-        return FloatValues(table, self.raw[: len(table)])
-
-    @property
-    def reduced(self) -> FloatValues:
-        """These values, which have no denominators."""
-        return self
-
     def homogeneous(self, *, flow: bool) -> list[float]:
         """The coefficients themselves."""
         return self.coefficients()
 
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-        """The values as a raw vector."""
-        return arithmetic.vector(self.raw)
 
-
-class RingValues:
-    """Coefficients in a SymPy domain: `elements` divided by step^n for trees with n nodes."""
+class RingValues(Values):
+    """Coefficients in a SymPy domain: `raw` elements divided by step^n for trees with n nodes."""
 
     kind = "ring"
 
     def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
-        self.table, self.ring, self.elements, self.step = table, ring, elements, step
+        super().__init__(table, elements)
+        self.ring, self.step = ring, step
 
     @property
     def name(self) -> str:
@@ -184,7 +110,7 @@ class RingValues:
     def __getitem__(self, at: int) -> Fraction | sympy.Expr:
         import sympy
 
-        element, nodes = self.elements[at], self.table.columns.order[at]
+        element, nodes = self.raw[at], self.table.columns.order[at]
         if self.step == self.ring.one:
             value = self.ring.to_sympy(element)
         else:
@@ -193,21 +119,13 @@ class RingValues:
             value = field.to_sympy(quotient)
         return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
 
-    def coefficients(self) -> list[Fraction | sympy.Expr]:
-        """All coefficients."""
-        return [self[at] for at in range(len(self.elements))]
-
-    def is_zero(self, at: int) -> bool:
-        """Whether a coefficient is zero."""
-        return not self.elements[at]
-
     def equals_at(self, other: RingValues, at: int) -> bool:
         """Whether a coefficient is the same in values over the same ring and denominator."""
-        return bool(self.elements[at] == other.elements[at])
+        return bool(self.raw[at] == other.raw[at])
 
     def truncated(self, table: TreeTable) -> RingValues:
         """The coefficients of the first trees."""
-        return RingValues(table, self.ring, self.elements[: len(table)], self.step)
+        return RingValues(table, self.ring, self.raw[: len(table)], self.step)
 
     @property
     def reduced(self) -> RingValues:
@@ -218,17 +136,9 @@ class RingValues:
             return self
         elements = [
             converted(x, self.ring, field) / step ** int(n)
-            for x, n in zip(self.elements, self.table.columns.order, strict=True)
+            for x, n in zip(self.raw, self.table.columns.order, strict=True)
         ]
         return RingValues(self.table, field, elements, field.one)
-
-    def homogeneous(self, *, flow: bool) -> list[Any]:
-        """The elements."""
-        return list(self.elements)
-
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-        """The elements as a raw vector."""
-        return arithmetic.vector(self.elements)
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
@@ -237,15 +147,9 @@ class RingValues:
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
-            for element, nodes in zip(self.elements, self.table.columns.order, strict=True)
+            for element, nodes in zip(self.raw, self.table.columns.order, strict=True)
         ]
         return RingValues(self.table, ring, elements, step)
-
-    def narrowed(self) -> RingValues | RationalValues:
-        """The values as `RationalValues` if they all are rational."""
-        if all(isinstance(self[at], Fraction) for at in range(len(self.elements))):
-            return RationalValues.from_fractions(self.table, self.coefficients())  # pyright: ignore[reportArgumentType]
-        return self
 
 
 def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
@@ -318,23 +222,17 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
     return field, quotients
 
 
-class Numbers(NamedTuple):
-    """Numbers in one domain: floats, Fractions, or elements of a ring to be divided by `step`."""
+def narrowest(numbers: Sequence[Any]) -> tuple[str, list[Any], Any, Any]:
+    """Results of `exact_number` in the narrowest domain that holds them all: (kind, entries, ring, step).
 
-    kind: str
-    entries: list[Any]
-    ring: Any = None
-    step: Any = None
-
-
-def narrowest(numbers: Sequence[Any]) -> Numbers:
-    """Results of `exact_number` in the narrowest domain that holds them all."""
+    In a ring, the numbers are the entries divided by `step`.
+    """
     if any(isinstance(number, float) for number in numbers):
-        return Numbers("float", [to_float(number) for number in numbers])
+        return "float", [to_float(number) for number in numbers], None, None
     if all(isinstance(number, Fraction) for number in numbers):
-        return Numbers("rational", list(numbers))
+        return "rational", list(numbers), None, None
     ring, elements, step = ring_and_elements(numbers)  # takes seconds where roots are of high degree
-    return Numbers("ring", elements, ring, step)
+    return "ring", elements, ring, step
 
 
 def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
@@ -394,18 +292,21 @@ def as_ring(values: Any) -> RingValues:
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
-    by_order = first.kind == "rational" and works_by_order(table, operation)
-    if first.kind != "ring":
-        table.choose_kernels(interpreted_seconds(table, operation) / (BY_ORDER if by_order else 1))
+    if first.kind != "ring" and not table.compiled:
+        by_order = first.kind == "rational" and rational_series.works_by_order(table, operation)
+        seconds = rational_series.interpreted_seconds(table, operation)
+        table.choose_kernels(seconds / (rational_series.BY_ORDER if by_order else 1))
     if first.kind == "rational":
-        return evaluate(table, operands, operation)
+        return rational_series.evaluate(table, operands, operation)
     arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
-    if first.kind == "float":
-        if not _all_finite(raw):
-            raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
-        return FloatValues(table, raw)
-    return RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step).narrowed()
+    if first.kind == "ring":
+        values = RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step)
+        is_rational = all(isinstance(values[at], Fraction) for at in range(len(table)))
+        return RationalValues.from_fractions(table, values.coefficients()) if is_rational else values
+    if not all(map(math.isfinite, raw if isinstance(raw, list) else [abs(raw).max()])):
+        raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
+    return FloatValues(table, raw)
 
 
 def interpreted(operand: Any) -> Exact:
@@ -446,14 +347,6 @@ class NumberField(Exact):
             return self.field.convert(value)
         rest = value % self._relation
         return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
-
-
-def _all_finite(raw: Any) -> bool:
-    if isinstance(raw, list):
-        return all(map(math.isfinite, raw))
-    import numpy as np
-
-    return bool(np.isfinite(raw).all())
 
 
 def ring_element(ring: Any, number: Any) -> Any:

@@ -365,15 +365,12 @@ def substitute_in_series(
     The first partition has no cut: its skeleton is a single node, its only part the tree.
 
     Args:
-        first, last: Range of ids; smaller trees are done.
-        top: Products are kept for ids below this one.
-        colors: Number of colours; ids below are single nodes.
-        order, color, left, right: Columns of the table.
+        first, last, modulus: As for `lie_series`; products are kept for ids below `top`.
+        colors, order, color, left, right: Columns of the table; ids below `colors` are single nodes.
         start, skeleton, part: The partitions: skeleton, and the part that holds the root.
         a: The outer series.
         solve: Whether `result` is given and `field` sought.
         scale: For each colour the factors of the result and of the known part: 1/a(•) and −1/a(•).
-        modulus: 0, or the prime.
         rests, parts: For each partition the product of b over its parts, without and with the part of the root.
         field, result: b and the result, for each tree.
     """

@@ -66,13 +66,6 @@ class CompiledFormulas:
     """Sums Σ h^k · formula, compiled as one function that shares common subexpressions.
 
     Each of `columns` has the formulas of one sum by power of h; `lines` are the statements that compute the sums.
-
-    Example:
-        >>> import numpy as np, sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> energy = CompiledFormulas([p, q], [[p**2 / 2 - sympy.cos(q), 0, sympy.cos(q) ** 2 / 24]])
-        >>> energy.values(np.array([[0.0, 0.0]]), 0.0)
-        array([[-1.]])
     """
 
     def __init__(self, symbols: Sequence[sympy.Symbol], columns: Sequence[Sequence[sympy.Expr]]):

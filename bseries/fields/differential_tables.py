@@ -22,8 +22,7 @@ from integrators.scenes.model.system import VALUE, LocalTerm, System
 from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
 from trees.table import TreeTable
 
-Forest = int
-"""The index of a forest of children; 0 is the empty forest."""
+Forest = int  # the index of a forest of children; 0 is the empty forest
 
 
 class Forests(NamedTuple):
@@ -216,8 +215,18 @@ class TableBuilder:
             rows["datum"].append((datum.role, len(rows["datum_value"])))
             rows["datum_value"] += datum.values
         first_instruction = len(rows["instruction"])
-        self._add_instructions(program, variables, degree)
-        ranges = self._add_outputs(tensors)
+        for instruction in program.instructions:
+            begin = self._shared_offset("product", instruction.products)
+            factor = len(rows["factor"])
+            rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
+            operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
+            rows["instruction"].append((*operands, begin, begin + len(instruction.products), factor))
+            rows["constant"].append(0 if instruction.number is None else instruction.number)
+        ranges = []  # of outputs, by colour
+        for outputs in tensors.outputs:
+            begin = len(rows["output"])
+            rows["output"] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
+            ranges.append((begin, len(rows["output"])))
         groups, children = self._add_contractions(tensors, ranges)
         sites = term.sites
         site_row = len(rows["site"])
@@ -241,24 +250,6 @@ class TableBuilder:
             self.known[name, values] = len(self.rows[name])
             self.rows[name] += values
         return self.known[name, values]
-
-    def _add_instructions(self, program: InstructionList, variables: int, degree: int) -> None:
-        for instruction in program.instructions:
-            begin = self._shared_offset("product", instruction.products)
-            factor = len(self.rows["factor"])
-            self.rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
-            operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
-            self.rows["instruction"].append((*operands, begin, begin + len(instruction.products), factor))
-            self.rows["constant"].append(0 if instruction.number is None else instruction.number)
-
-    def _add_outputs(self, tensors: TermTensors) -> list[tuple[int, int]]:
-        """Add the outputs, by colour; returns the range of each colour."""
-        ranges = []
-        for outputs in tensors.outputs:
-            begin = len(self.rows["output"])
-            self.rows["output"] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
-            ranges.append((begin, len(self.rows["output"])))
-        return ranges
 
     def _add_contractions(self, tensors: TermTensors, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
         """Add the contractions by order, none for the single node; returns the numbers of groups and the children."""

@@ -12,8 +12,8 @@ import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.polynomials import Element, TooLarge
+from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.polynomials import Element, TooLarge
 from trees.counting import check_order
 from trees.tree import Tree
 
@@ -96,8 +96,7 @@ class DerivativeTowers:
         return {key: element for key, group in summands.items() if (element := self.ring.dot(group))}
 
 
-FLOAT_DIGITS = 15
-"""Significant digits of a float."""
+FLOAT_DIGITS = 15  # significant digits of a float
 
 
 class SymbolicSeries:
@@ -105,13 +104,6 @@ class SymbolicSeries:
 
     Arithmetic is exact. With floats in the fields, or a method published as decimals, the results are written as floats
     with the significant digits only. `limit` bounds the number of monomials in an intermediate formula.
-
-    Example:
-        >>> import bseries as bs, sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> euler = bs.modified_equation(bs.method("explicit-euler"), 3)
-        >>> SymbolicSeries(euler, [(p * (2 - q), q * (p - 1))], (p, q)).term(2)
-        (p*(p*q - q**2 + 3*q - 4)/2, -q*(p**2 - p*q + 1)/2)
 
     References:
         HLW, example IX.1.3 and definition III.1.8.
@@ -124,7 +116,9 @@ class SymbolicSeries:
         self._coefficients = series.coefficients()
         rows, symbols = _checked(fields, variables, series.table.colors)
         formulas = [formula for row in rows for formula in row]
-        digits = _digits(series)
+        digits = None if series.is_exact else FLOAT_DIGITS
+        if series.digits is not None:
+            digits = max(1, min(series.digits - 1, FLOAT_DIGITS))  # one less than those of rounded decimals
         if digits is None and any(formula.has(sympy.Float) for formula in formulas):
             digits = FLOAT_DIGITS
         irrational = [x for x in self._coefficients if not isinstance(x, Fraction | float)]
@@ -158,13 +152,6 @@ class SymbolicSeries:
         value = self._coefficients[at]
         number = Fraction(value) if isinstance(value, Fraction | float) else self.ring.element(value)
         return number * Fraction(1, int(self.series.table.symmetry_and_density[0][at]))
-
-
-def _digits(series: BSeries) -> int | None:
-    """Significant digits of the results: one less than those of rounded decimals."""
-    if series.digits is not None:
-        return max(1, min(series.digits - 1, FLOAT_DIGITS))
-    return None if series.is_exact else FLOAT_DIGITS
 
 
 def _checked(

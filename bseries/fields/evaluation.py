@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -24,20 +24,13 @@ from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
 from integrators import IntegratorError
-from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.reference.plain_steps import Arithmetic
 
-if TYPE_CHECKING:
-    from bseries.fields.scene_trees import SeriesOnScene
-
-
-CHUNK_ROWS = 64
-"""Rows of sites evaluated together when there are many points."""
+CHUNK_ROWS = 64  # rows of sites evaluated together when there are many points
 MOST_LANES = 40
 """Largest number of rows in a SIMD group: more exceed the first-level cache, fewer have more overhead per row."""
-MOST_VARIABLES = 4
-"""Formulas are considered for scenes with up to this number of variables."""
-MOST_MONOMIALS = 150
-"""Formulas with more monomials are abandoned."""
+MOST_VARIABLES = 4  # formulas are considered for scenes with up to this number of variables
+MOST_MONOMIALS = 150  # formulas with more monomials are abandoned
 
 
 @cache
@@ -51,9 +44,9 @@ def evaluator() -> Any:
 
 
 class CompiledSeries:
-    """A series on a scene as compiled functions of doubles."""
+    """A `SceneSeries` as compiled functions of doubles."""
 
-    def __init__(self, series: SeriesOnScene, route: str):
+    def __init__(self, series: Any, route: str):
         self.series = series
         self._wanted = route
         _ = series.scene.numeric_terms  # refuses symbols
@@ -135,22 +128,17 @@ class CompiledSeries:
         if self.route == "symbolic" and self.formulas is not None:
             out = self.formulas.values(states, step, workers)
         else:
-            out = self._sums(states, step, workers)
+            terms = self.terms_at(states, workers)
+            out = terms[-1].copy()
+            with np.errstate(over="ignore", invalid="ignore"):  # a warning follows
+                for term in terms[-2::-1]:
+                    out *= step
+                    out += term
+                if not self.series.is_field:
+                    out *= step
+                    out += to_float(self.series.empty) * states
         warn_where_not_finite(out.T, f"{self.series.label} on {self.series.scene.name}", step, stacklevel=4)
         return out.T.reshape(shape)
-
-    def _sums(self, states: np.ndarray, step: float, workers: int) -> np.ndarray:
-        """The values at the rows of `states`, by the kernels."""
-        terms = self.terms_at(states, workers)
-        out = terms[-1].copy()
-        with np.errstate(over="ignore", invalid="ignore"):  # the caller warns
-            for term in terms[-2::-1]:
-                out *= step
-                out += term
-            if not self.series.is_field:
-                out *= step
-                out += to_float(self.series.empty) * states
-        return out
 
     def terms(self, y: Any, workers: int = 1) -> np.ndarray:
         """The terms by order."""
@@ -198,7 +186,7 @@ def contractions(ints: Any) -> int:
     return int(ints[table + 1] - ints[table]) // kernels.TABLES["contraction"]
 
 
-def build_tables(series: SeriesOnScene, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
+def build_tables(series: Any, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
     """The tables of the kernels, with numbers made by `convert`."""
     trees, scene = series.trees, series.scene
     needs = find_required_tensors(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
@@ -213,16 +201,9 @@ CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTR
 
 
 class PreciseSeries:
-    """A series on a scene evaluated with a given number of digits; decimal coefficients count as exact.
+    """A `SceneSeries` evaluated with a given number of digits; decimal coefficients count as exact."""
 
-    Example:
-        >>> import bseries as bs
-        >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 3)
-        >>> PreciseSeries(f, 30)(["1"], "1/10")
-        [mpf('0.915')]
-    """
-
-    def __init__(self, series: SeriesOnScene, digits: int):
+    def __init__(self, series: Any, digits: int):
         self.series, self.arithmetic = series, Arithmetic(digits)
         with self.arithmetic.working():
             values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)

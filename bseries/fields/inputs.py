@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from integrators.core.errors import shown
+from integrators.core.errors import shorten, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Read a point (size,) or n points (size, n) as contiguous rows of doubles; returns also the original shape.
-
-    Example:
-        >>> read_states([[1, 2, 3], [4, 5, 6]], 2)[0].tolist()
-        [[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]]
-    """
+    """Read a point (size,) or n points (size, n) as contiguous rows of doubles; returns also the original shape."""
     import numpy as np
 
     try:
@@ -41,13 +36,7 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
 
 
 def read_step(h: Any, argument: str = "h") -> float:
-    """Read a step size or another parameter as a double.
-
-    Example:
-        >>> from fractions import Fraction
-        >>> read_step(Fraction(1, 10))
-        0.1
-    """
+    """Read a step size or another parameter as a double."""
     if isinstance(h, bool) or not isinstance(h, Real):
         raise SeriesError(f"{argument} must be a real number, but was {h!r:.60}")
     try:
@@ -107,3 +96,14 @@ def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
     share = max(1, math.ceil(size / workers))
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
+
+
+def check_smooth(formula: sympy.Expr) -> None:
+    """Refuse compiled functions, and abs, sign or where: a series holds on either side only, and a step may cross."""
+    from integrators.exact.branches import Branching
+    from integrators.scenes.model.black_boxes import check_formulas
+
+    check_formulas([formula], "a series")
+    found = min(map(str, formula.atoms(Branching)), default="")
+    if found:
+        raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")

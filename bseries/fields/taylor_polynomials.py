@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.generators import check_smooth
+from bseries.fields.inputs import check_smooth
 
 CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
 """The operations, implemented by `differential_kernels.evaluate_polynomials`."""
@@ -30,12 +30,7 @@ MOST_FACTORS = 32
 
 
 def monomials(variables: int, degree: int) -> list[tuple[int, ...]]:
-    """The exponents of all monomials up to a degree, sorted by degree.
-
-    Example:
-        >>> monomials(2, 2)
-        [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
-    """
+    """The exponents of all monomials up to a degree, sorted by degree."""
     return [
         tuple(map(chosen.count, range(variables)))
         for d in range(degree + 1)
@@ -67,8 +62,7 @@ def factorials(variables: int, degree: int) -> tuple[int, ...]:
     return tuple(prod(map(factorial, exponent)) for exponent in monomials(variables, degree))
 
 
-Support = frozenset[int]
-"""The indices of the monomials that may occur in a polynomial."""
+Support = frozenset[int]  # the indices of the monomials that may occur in a polynomial
 
 
 @lru_cache(maxsize=32)
@@ -78,10 +72,6 @@ def products(
     """Triples (α, β, γ) of monomials with x^α = x^β x^γ and |α| ≤ degree, sorted by |α|.
 
     The indices β and γ are those in `first` and `second`; `proper` excludes β = 0.
-
-    Example:
-        >>> products(1, 2, frozenset([0, 1]), frozenset([0, 1]), False)
-        ((0, 0, 0), (1, 0, 1), (1, 1, 0), (2, 1, 1))
     """
     exponents = monomials(variables, degree)
     place = {exponent: at for at, exponent in enumerate(exponents)}
@@ -131,13 +121,6 @@ def instruction_list(formula: sympy.Expr, variables: int, degree: int) -> Instru
     """The instructions that compute the truncated Taylor polynomial of a formula.
 
     Its symbols are x0, x1, … for the local variables and d0, d1, … for data.
-
-    Example:
-        >>> import sympy
-        >>> x = sympy.Symbol("x0")
-        >>> found = instruction_list(sympy.exp(-x) + 2, 1, 3).instructions
-        >>> [one.operation for one in found] == [ARGUMENT, SCALE, EXP, SHIFT]
-        True
     """
     builder = _InstructionBuilder(variables, degree)
     result = builder.visit(formula)

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-CANCELLATION = 1e-6
-"""Relative distance below which a zero and a pole of an inexact function cancel."""
+CANCELLATION = 1e-6  # relative distance below which a zero and a pole of an inexact function cancel
 
 
 class ConvergenceRadius(NamedTuple):
@@ -103,8 +102,7 @@ def _uncancelled(roots: Sequence[complex], others: Sequence[complex]) -> list[co
 
 
 NEARBY_POINTS = 4
-NEARBY = 2.0**-50
-"""Relative distance of nearby points, whose values separate rounding errors from terms."""
+NEARBY = 2.0**-50  # relative distance of nearby points, whose values separate rounding errors from terms
 
 
 class TruncationWarning(UserWarning):
@@ -249,16 +247,15 @@ class Reach(NamedTuple):
         for k, size in enumerate(self.sizes):
             mark = "   optimal" if self.powers and k == self.optimal_power else ""
             rows.append(f"h^{k:<5} {size:.3g}{mark}")
-        return "\n".join([f"{self.label}, h = {self.h:g}", *rows, self._conclusion()])
-
-    def _conclusion(self) -> str:
         if self.converges is not None:
             place = "inside: the series converges" if self.converges else "outside: the series diverges"
             product = abs(self.h) * (self.spectral_radius or 0.0)
-            return f"h times the spectral radius is {product:.6g}, the radius {self.radius:.6g}, {place}"
-        place = "beyond the optimum" if self.is_beyond else "not beyond the optimum"
-        error = "unknown" if self.error is None else f"about {self.error:.1e}"
-        return f"order {self.order}: {place}, next term {error}; largest h for it: {self.largest_step:.3g}"
+            end = f"h times the spectral radius is {product:.6g}, the radius {self.radius:.6g}, {place}"
+        else:
+            place = "beyond the optimum" if self.is_beyond else "not beyond the optimum"
+            error = "unknown" if self.error is None else f"about {self.error:.1e}"
+            end = f"order {self.order}: {place}, next term {error}; largest h for it: {self.largest_step:.3g}"
+        return "\n".join([f"{self.label}, h = {self.h:g}", *rows, end])
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data; None stands for an infinite or unknown value."""
@@ -269,11 +266,10 @@ class Reach(NamedTuple):
             "order": self.order,
             "h": self.h,
             "terms": [{"power": k, "size": size} for k, size in enumerate(self.sizes)],
-            "optimal_power": self.optimal_power,
-            "optimal_order": self.optimal_order,
-            "is_beyond": self.is_beyond,
-            "error": self.error,
-            "best_error": self.best_error,
+            **{
+                name: getattr(self, name)
+                for name in ("optimal_power", "optimal_order", "is_beyond", "error", "best_error")
+            },
             "largest_step": self.largest_step if math.isfinite(self.largest_step) else None,
             "spectral_radius": self.spectral_radius,
             "radius": self.radius if self.radius is not None and math.isfinite(self.radius) else None,
@@ -325,20 +321,17 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
     if not all(map(math.isfinite, found.sizes)):
         raise SeriesError(f"h must be small enough for finite terms, but was {step:g}")
     if found.is_beyond:
-        warnings.warn(_warning(found), TruncationWarning, stacklevel=2)
+        if found.converges is None:
+            last, far = found.optimal_power, found.largest_step
+            message = (
+                f"is worse at order {found.order} than at order {last + 1}: for h = {step:g} its terms no longer "
+                f"shrink beyond h^{last}; order {found.order} needs h ≤ {far:.3g}"
+            )
+        else:
+            product = abs(step) * (found.spectral_radius or 0.0)
+            message = f"diverges: h times the spectral radius must be below {found.radius:.6g}, but was {product:g}"
+        warnings.warn(f"{found.label} {message}", TruncationWarning, stacklevel=2)
     return found
-
-
-def _warning(found: Reach) -> str:
-    if found.converges is False:
-        product = abs(found.h) * (found.spectral_radius or 0.0)
-        return (
-            f"{found.label} diverges: h times the spectral radius must be below {found.radius:.6g}, but was {product:g}"
-        )
-    return (
-        f"{found.label} is worse at order {found.order} than at order {found.optimal_order}: for h = {found.h:g} its "
-        f"terms no longer shrink beyond h^{found.optimal_power}; order {found.order} needs h ≤ {found.largest_step:.3g}"
-    )
 
 
 def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:

@@ -9,17 +9,16 @@ import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.helpers import column_names, label_panels, name_of, scientific, short_names, state, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
 from foundation.printed_names import printed_name
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = None
 TITLE = "Area of a patch of phase space under two methods, the exact and the modified flow"
@@ -45,7 +44,6 @@ class Carried(NamedTuple):
     """The outline of the patch under a method and its modified flow."""
 
     method: Method
-    order: int  # its order
     steps: np.ndarray  # the patch after each step, (steps + 1, 2, points)
     modified: np.ndarray  # the same under the modified flow at all fine times
 
@@ -64,58 +62,34 @@ class AreaPatch(NamedTuple):
 
 
 def numbers(
-    *,
-    scene: Any = "pendulum",
-    methods: Any = METHODS,
-    y0: Any = None,
-    size: Any = 1.4,
-    h: Any = 0.3,
-    steps: Any = 15,
-    terms: Any = 3,
-) -> AreaPatch:
+    *, scene: Any = "pendulum", methods: Any = METHODS, y0: Any = None, size: Any = 1.4, h: Any = 0.3,
+    steps: Any = 15, terms: Any = 3,
+) -> AreaPatch:  # fmt: skip
     """The patch of a height `size` around y0, by default the start of the scene, after each step."""
-    import numpy as np
-
     place = as_scene(scene)
     if place.dimension != 2:
         raise SeriesError(f"scene must have two variables, but {place.name} has {place.dimension}")
     h, count = read_number(h, "h", 1e-4, 10), read_count(steps, "steps", SNAPSHOTS, MOST_STEPS)
     chosen, terms = read_methods(methods, 2), read_count(terms, "terms", 1, 6)
-    centre = read_start(_default_centre(place) if y0 is None else y0, place)
-    outline = _outline(centre, read_number(size, "size", 1e-3, 100))
+    if y0 is None and place.name == "pendulum":
+        y0 = START
+    elif y0 is None and place.start is None:
+        raise SeriesError(f"y0 must be given for {place.name}, which has no start, but was not")
+    centre = read_start(place.y0 if y0 is None else y0, place)
+    right = np.array(TREE, dtype=float)
+    corners = np.vstack([right, [-1, 1] * right[-2:0:-1], right[:1]])
+    corners *= read_number(size, "size", 1e-3, 100) / TREE_HEIGHT
+    places = np.linspace(0, len(corners) - 1, SIDE * (len(corners) - 1) + 1)
+    across, up = (np.interp(places, range(len(corners)), column) for column in corners.T)
+    outline = np.array([centre[0] + up, centre[1] + across])
     flows = [(truncated_scene(method, place, terms, h), method) for method in chosen]
     exact = carry(FLOW, place, outline, h / FINE, count * FINE)
     carried = tuple(
-        Carried(
-            method,
-            bs.order_of(method),
-            carry(method, place, outline, h, count),
-            carry(FLOW, flow, outline, h / FINE, count * FINE),
-        )
+        Carried(method, carry(method, place, outline, h, count), carry(FLOW, flow, outline, h / FINE, count * FINE))
         for flow, method in flows
     )
     t = np.arange(count + 1) * h
     return AreaPatch(place, h, centre, terms, t, np.linspace(0, t[-1], count * FINE + 1), exact, carried)
-
-
-def _default_centre(scene: Scene) -> Any:
-    """Where the patch is if y0 is not given."""
-    if scene.name == "pendulum":
-        return START
-    if scene.start is None:
-        raise SeriesError(f"y0 must be given for {scene.name}, which has no start, but was not")
-    return scene.y0
-
-
-def _outline(centre: tuple[float, ...], height: float) -> np.ndarray:
-    """Points around a fir tree in the plane of the second variable and the first one, (2, points)."""
-    import numpy as np
-
-    right = np.array(TREE, dtype=float)
-    corners = np.vstack([right, [-1, 1] * right[-2:0:-1], right[:1]]) * (height / TREE_HEIGHT)
-    places = np.linspace(0, len(corners) - 1, SIDE * (len(corners) - 1) + 1)
-    across, up = (np.interp(places, range(len(corners)), column) for column in corners.T)
-    return np.array([centre[0] + up, centre[1] + across])
 
 
 def carry(method: Method | str, scene: Scene, points: np.ndarray, h: float, count: int) -> np.ndarray:
@@ -125,8 +99,6 @@ def carry(method: Method | str, scene: Scene, points: np.ndarray, h: float, coun
         StepError: A step fails.
         SeriesError: A point has no finite state.
     """
-    import numpy as np
-
     steps, moved = bs.stepper(method, scene), np.empty((count + 1, *points.shape))
     moved[0] = points
     for k, point in enumerate(points.T):
@@ -147,8 +119,6 @@ def areas(outlines: np.ndarray) -> np.ndarray:
         >>> float(areas(np.array([[[0, 1, 1, 0, 0], [0, 0, 2, 2, 0]]]))[0])
         2.0
     """
-    import numpy as np
-
     x, y = outlines[:, 0], outlines[:, 1]
     return abs((x[:, :-1] * np.diff(y) - y[:, :-1] * np.diff(x)).sum(axis=1)) / 2
 
@@ -189,8 +159,7 @@ def draw(numbers: AreaPatch, figure: Figure) -> None:
     shown = [round((len(numbers.t) - 1) * k / (SNAPSHOTS - 1)) for k in range(SNAPSHOTS)]
     for (above, below), found in zip(panels, numbers.carried, strict=True):
         for k in shown:
-            for artist, outline in zip(_patch(above), _outlines(numbers, found, k * FINE), strict=True):
-                _move(artist, outline)
+            _move(_patch(above), numbers, found, k * FINE)
             up, across = found.steps[k]
             above.text(across[up.argmax()], up.max(), f"$t = {numbers.t[k]:.3g}$", fontsize=7, ha="center", va="bottom")
         _draw_areas(below, numbers, found, len(numbers.fine_t))
@@ -199,8 +168,6 @@ def draw(numbers: AreaPatch, figure: Figure) -> None:
 
 def _panels(numbers: AreaPatch, figure: Figure) -> list[tuple[Axes, Axes]]:
     """The axes by method, with limits that hold all outlines."""
-    import numpy as np
-
     panels = figure.subplots(2, 2, height_ratios=(2, 1), sharex="row", sharey="row")
     names = short_names([found.method for found in numbers.carried])
     label_panels(panels.flat, [*(f"{name}, $h = {numbers.h:g}$" for name in names), *(f"area, {n}" for n in names)])
@@ -228,18 +195,12 @@ def _patch(axes: Axes) -> tuple[Any, Any, Any]:
     return filled, exact, modified
 
 
-def _outlines(numbers: AreaPatch, found: Carried, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The patch under the method (after its last step), the exact and the modified flow at a fine time."""
-    return found.steps[k // FINE], numbers.exact[k], found.modified[k]
-
-
-def _move(artist: Any, outline: np.ndarray) -> None:
-    """Let an artist show an outline, with the second variable to the right."""
-    across, up = outline[::-1]
-    if hasattr(artist, "set_xy"):
-        artist.set_xy(outline[::-1].T)
-    else:
-        artist.set_data(across, up)
+def _move(patch: tuple[Any, Any, Any], numbers: AreaPatch, found: Carried, k: int) -> None:
+    """Let a patch show the method (after its last step), the exact and the modified flow at a fine time."""
+    filled, exact, modified = patch
+    filled.set_xy(found.steps[k // FINE][::-1].T)  # the second variable is to the right
+    exact.set_data(numbers.exact[k][::-1])
+    modified.set_data(found.modified[k][::-1])
 
 
 def _draw_areas(axes: Axes, numbers: AreaPatch, found: Carried, count: int) -> list[Any]:
@@ -272,7 +233,6 @@ def frames(numbers: AreaPatch, figure: Figure) -> Iterator[tuple[int, int]]:
         while traces:
             traces.pop().remove()
         for (_, below), moving, found in zip(panels, artists, numbers.carried, strict=True):
-            for artist, outline in zip(moving, _outlines(numbers, found, k), strict=True):
-                _move(artist, outline)
+            _move(moving, numbers, found, k)
             traces += _draw_areas(below, numbers, found, k + 1)
         yield k + 1, len(numbers.fine_t)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, scientific, set_angle_axis
 from bseries.figures.options import read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, SKY, WHITE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators.methods.programs.program import Method
+    from integrators import Method
 
 NUMBER = None
 TITLE = "Pendulum: where the implicit midpoint rule becomes chaotic as the step size grows"
@@ -52,8 +52,6 @@ class ChaosOnset(NamedTuple):
     @property
     def width(self) -> np.ndarray:
         """The width of the layer in p at the saddle point, by step size: in logarithmic scale, without its islands."""
-        import numpy as np
-
         exponents = np.log10(self.saddle)
         return 10 ** (exponents[0] + self.chaotic_saddle.mean(axis=1) * (exponents[-1] - exponents[0]))
 
@@ -74,15 +72,11 @@ def asymptotic_width(h: np.ndarray) -> np.ndarray:
         V. F. Lazutkin, Splitting of separatrices for the Chirikov standard map, J. Math. Sci. 128 (2005) 2687–2705
         (Russian original 1984); the power −3 of this method is measured.
     """
-    import numpy as np
-
     return h**-1.5 * np.exp(-(np.pi**2) / 2 / h)
 
 
 def numbers(*, span: Any = SPAN) -> ChaosOnset:
     """Pairs of orbits of the implicit midpoint rule for all step sizes and starts."""
-    import numpy as np
-
     span = read_number(span, "span", 50, 5000)
     h, bottom, saddle = np.linspace(*STEP_SIZES), np.linspace(*BOTTOM), np.logspace(*SADDLE)
     starts = np.array([*((p, 0.0) for p in bottom), *((p, -np.pi) for p in saddle)])
@@ -92,33 +86,18 @@ def numbers(*, span: Any = SPAN) -> ChaosOnset:
 
 def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN, method: Method | str = METHOD) -> np.ndarray:
     """Whether each start and a neighbouring one lead to distant ends."""
-    import numpy as np
-
     steps, p = round(span / h), starts[:, 0]
     nearby = np.column_stack([p + NEARBY * np.where(p == 0, 1, p), starts[:, 1]])
-    runs = bs.ensemble(
-        method,
-        bs.scene("pendulum"),
-        h=h,
-        steps=steps,
-        y0=np.vstack([starts, nearby]),
-        observe=None,
-        observe_every=steps,
-        final=True,
-    )
-    first, second = np.split(runs.final, 2)
+    options: Any = {"y0": np.vstack([starts, nearby]), "observe": None, "observe_every": steps, "final": True}
+    first, second = np.split(bs.ensemble(method, "pendulum", h=h, steps=steps, **options).final, 2)
     return np.linalg.norm(first - second, axis=1) > APART
 
 
 def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
     """Whether the orbits are chaotic (1 or 0), by step size and start; and the widths by step size."""
-    import numpy as np
-
     table = {"h": numbers.h, "width": numbers.width}
-    for name, p, chaotic in (
-        ("bottom", numbers.bottom, numbers.chaotic_bottom),
-        ("saddle", numbers.saddle, numbers.chaotic_saddle),
-    ):
+    starts = (("bottom", numbers.bottom, numbers.chaotic_bottom), ("saddle", numbers.saddle, numbers.chaotic_saddle))
+    for name, p, chaotic in starts:
         table |= {f"h_{name}": np.repeat(numbers.h, len(p)), f"p_{name}": np.tile(p, len(numbers.h))}
         table[f"chaotic_{name}"] = chaotic.ravel().astype(int)
     return table
@@ -126,8 +105,6 @@ def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
 
 def caption(numbers: ChaosOnset) -> str:
     """What chaotic means, and the width of the layer."""
-    import numpy as np
-
     width = float(np.interp(0.7, numbers.h, numbers.width))
     first = numbers.h[numbers.chaotic_bottom.any(axis=1)]
     seen = f"visible only from h = {first[0]:.2g} on" if len(first) else "not visible"
@@ -158,8 +135,6 @@ def draw(numbers: ChaosOnset, figure: Figure) -> None:
 
 def _draw_bottom(axes: Axes, numbers: ChaosOnset) -> None:
     """The starts at q = 0, and the separatrix of the modified Hamiltonian."""
-    import numpy as np
-
     _draw_map(axes, numbers.h, numbers.bottom, numbers.chaotic_bottom)
     separatrix = 2 / np.sqrt(1 - numbers.h**2 / 12)  # where H + h²H₃ is what it is at the saddle point
     axes.plot(numbers.h, separatrix, "--", color=BLACK, label="separatrix of $H + h^2H_3$")
@@ -176,8 +151,6 @@ def _draw_map(axes: Axes, h: np.ndarray, p: np.ndarray, chaotic: np.ndarray) -> 
 
 def frames(numbers: ChaosOnset, figure: Figure) -> Iterator[tuple[int, int]]:
     """Orbits while the step size grows, chaotic ones dark; and where the step size is in the map of starts."""
-    import numpy as np
-
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     _draw_bottom(right, numbers)
     right.legend(loc="upper left")

@@ -8,14 +8,13 @@ import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.helpers import column_names, label_panels, name_of, power_of_h, scientific, short_names, state
 from bseries.figures.options import read_methods, read_number, read_start
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = 5
 TITLE = "Pendulum: error of the total energy with explicit and symplectic Euler"
@@ -53,40 +52,27 @@ class EnergyError(NamedTuple):
     t: np.ndarray  # times of the steps
     runs: tuple[Energy, ...]  # both methods
 
-    @property
-    def closer(self) -> Energy:
-        """The method with the smaller errors, which the lower panel shows."""
-        return min(self.runs, key=lambda run: float(abs(run.errors).max()))
-
 
 def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: Any = 200) -> EnergyError:
     """Runs of both methods; the pendulum from (p, q) = (2.5, 0) rotates."""
+    import sympy
+
+    from bseries.hamiltonians.orbits import closed_orbit
+
     h, span = read_number(h, "h", 0.0005, 0.5), read_number(span, "span", 10, 1e5)
     chosen, pendulum = read_methods(methods, 2), bs.scene("pendulum")
     start, steps = read_start(y0, pendulum), round(span / h)
     if steps > MOST_STEPS:
         raise SeriesError(f"span/h must be at most {MOST_STEPS:,} steps, but was {steps:,}")
-    orbit = _orbit(pendulum, start)
-    runs, t = [], None
-    for method in chosen:
-        stored: dict[str, Any] = {"observe": "energy", "observe_every": 1, "save_every": None}
-        run = bs.integrate(method, pendulum, h=h, steps=steps, y0=start, **stored)
-        t, energies = run.observed_t, run.observed["energy"]
-        runs.append(_prediction(method, pendulum, h, orbit, energies - energies[0]))
-    assert t is not None
-    return EnergyError(h, start, t, tuple(runs))
-
-
-def _orbit(scene: Scene, start: tuple[float, ...]) -> np.ndarray:
-    """Points of the exact solution over the time in which it turns back or over, (2, points)."""
-    import sympy
-
-    from bseries.hamiltonians.drift.orbits import closed_orbit
-
-    period = float(closed_orbit(scene, start, {1: 2 * sympy.pi}).period)
+    period = float(closed_orbit(pendulum, start, {1: 2 * sympy.pi}).period)  # until it turns back or over
     if not period:
         raise SeriesError(f"y0 must not be an equilibrium, but was {start}")
-    return bs.integrate(FLOW, scene, h=period / POINTS, steps=POINTS, y0=start).y
+    orbit = bs.integrate(FLOW, pendulum, h=period / POINTS, steps=POINTS, y0=start).y
+    stored: dict[str, Any] = {"observe": "energy", "observe_every": 1, "save_every": None}
+    runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=start, **stored) for method in chosen]
+    errors = [run.observed["energy"] - run.observed["energy"][0] for run in runs]
+    found = (_prediction(method, pendulum, h, orbit, error) for method, error in zip(chosen, errors, strict=True))
+    return EnergyError(h, start, runs[0].observed_t, tuple(found))
 
 
 def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, errors: np.ndarray) -> Energy:
@@ -102,8 +88,6 @@ def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, error
 
 def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
     """The errors at all times, and the predictions."""
-    import numpy as np
-
     table = {"t": numbers.t}
     for key, run in zip(column_names([run.method for run in numbers.runs]), numbers.runs, strict=True):
         table |= {f"error_{key}": run.errors, f"predicted_slope_{key}": np.array([run.slope])}
@@ -113,8 +97,6 @@ def columns(numbers: EnergyError) -> dict[str, np.ndarray]:
 
 def caption(numbers: EnergyError) -> str:
     """What is predicted, and what is found."""
-    import numpy as np
-
     text = f"Lecture, figure 5. Pendulum from (p, q) = {state(numbers.y0)} with h = {numbers.h:g}: error of the energy."
     for run in numbers.runs:
         name, largest = name_of(run.method), scientific(float(abs(run.errors).max()))
@@ -147,8 +129,9 @@ def draw(numbers: EnergyError, figure: Figure) -> None:
         if run.slope:
             label = f"predicted slope {run.slope:.4g}"
             above.plot([0, span], [0, run.slope * span], dashes, color=BLACK, linewidth=0.8, label=label)
-    run = numbers.closer
-    name, colour = names[numbers.runs.index(run)], (ORANGE, BLUE)[numbers.runs.index(run)]
+    run, name, colour = min(
+        zip(numbers.runs, names, (ORANGE, BLUE), strict=True), key=lambda row: float(abs(row[0].errors).max())
+    )
     shown = numbers.t <= CLOSER * span
     handles = list(above.lines)
     if run.band[0] < run.band[1]:

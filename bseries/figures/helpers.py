@@ -6,15 +6,14 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import bseries as bs
+from foundation.extras import np
 from foundation.printed_names import printed_name
 from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 
 def truncated_scene(method: Method | str, scene: Scene, terms: int, h: float) -> Scene:
@@ -45,30 +44,27 @@ def power_exponent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         >>> round(float(power_exponent(np.array([1.0, 2.0, 4.0]), np.array([3.0, 12.0, 48.0]))), 12)
         2.0
     """
-    import numpy as np
-
     return np.polyfit(np.log(x), np.log(y), 1)[0]
+
+
+def value_at(place: float, x: np.ndarray, y: np.ndarray) -> Any:
+    """The value at a place of the polynomial that interpolates y as a function of x."""
+    return np.polyval(np.polyfit(x - place, y, len(x) - 1), 0)
 
 
 def growth_exponent(t: np.ndarray, values: np.ndarray, first: float, last: float, points: int) -> float:
     """The exponent of t in values, fitted at times between two, equidistant in logarithmic scale."""
-    import numpy as np
-
     times = np.geomspace(first, last, points)
     return float(power_exponent(times, np.interp(times, t, values)))
 
 
 def fitted_factor(values: np.ndarray, shape: np.ndarray) -> float:
     """The factor c of values ≈ c · shape, fitted in logarithmic scale."""
-    import numpy as np
-
     return float(np.exp(np.mean(np.log(values / shape))))
 
 
 def logarithmic_indices(count: int, points: int) -> np.ndarray:
     """Indices from 1 to count − 1, about equidistant in logarithmic scale."""
-    import numpy as np
-
     return np.unique(np.geomspace(1, count - 1, points).astype(int))
 
 
@@ -177,8 +173,6 @@ def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:
 
 def reduced_angle(q: Any) -> Any:
     """An angle modulo 2π, from −π on."""
-    import numpy as np
-
     return np.remainder(q + np.pi, 2 * np.pi) - np.pi
 
 

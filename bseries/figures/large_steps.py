@@ -20,15 +20,14 @@ from bseries.figures.helpers import (
     subscript,
 )
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = 6
 TITLE = "Pendulum: a symplectic method with large steps, on level curves of its modified Hamiltonian"
@@ -64,8 +63,6 @@ class LargeSteps(NamedTuple):
 
 def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, steps: Any = STEPS) -> LargeSteps:
     """Runs for two, four or six step sizes from up to four starts, and the modified Hamiltonian on a grid."""
-    import numpy as np
-
     chosen, pendulum = read_method(method), bs.scene("pendulum")
     sizes = read_numbers(h, "h", [2, 4, 6], 0.01, 3)
     starts, count = read_starts(y0, pendulum, [1, 2, 3, 4]), read_count(steps, "steps", 100, 100_000)
@@ -73,7 +70,8 @@ def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, step
     states = np.array([[orbit(size, start, chosen, count) for start in starts] for size in sizes])
     energies = [[energy(y, size) for y in runs] for runs, size in zip(states, sizes, strict=True)]
     chaotic = [is_chaotic(np.array(starts), size, count * size, chosen) for size in sizes]
-    p = np.linspace(*_momenta(states), GRID)
+    low, high = states[:, :, 0].min(), states[:, :, 0].max()
+    p = np.linspace(max(min(BOTTOM, 1.05 * low), -FARTHEST), min(max(TOP, 1.03 * high), FARTHEST), GRID)
     q = np.linspace(-np.pi, np.pi, GRID)
     grid = np.array([values.ravel() for values in np.meshgrid(p, q, indexing="ij")])
     levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
@@ -92,16 +90,8 @@ def _energy(method: Method, scene: Scene) -> bs.hamiltonians.ModifiedHamiltonian
     return bs.modified_hamiltonian(method, scene, max(TERMS, bs.order_of(method) + 1))
 
 
-def _momenta(states: np.ndarray) -> tuple[float, float]:
-    """The least and the largest momentum in the picture."""
-    p = states[:, :, 0]
-    return max(min(BOTTOM, 1.05 * float(p.min())), -FARTHEST), min(max(TOP, 1.03 * float(p.max())), FARTHEST)
-
-
 def orbit(h: float, start: Sequence[float], method: Method | str = METHOD, steps: int = STEPS) -> np.ndarray:
     """The steps from a start with angles from −π to π, (2, steps + 1)."""
-    import numpy as np
-
     pieces, y = [np.array(start)[:, None]], np.array(start)
     for done in range(0, steps, PIECE):
         run = bs.integrate(method, bs.scene("pendulum"), h=h, steps=min(PIECE, steps - done), y0=y)
@@ -113,8 +103,6 @@ def orbit(h: float, start: Sequence[float], method: Method | str = METHOD, steps
 
 def columns(numbers: LargeSteps) -> dict[str, np.ndarray]:
     """States and modified energies of all runs, and the grid as a table of its points."""
-    import numpy as np
-
     table = {}
     for h, states, energies in zip(numbers.h, numbers.states, numbers.energies, strict=True):
         for k, ((p, q), values) in enumerate(zip(states, energies, strict=True), 1):
@@ -126,8 +114,6 @@ def columns(numbers: LargeSteps) -> dict[str, np.ndarray]:
 
 def caption(numbers: LargeSteps) -> str:
     """Where orbits are chaotic, and how far the modified Hamiltonian goes from its values at the starts."""
-    import numpy as np
-
     largest = abs(numbers.energies - numbers.energies[:, :, :1]).max(axis=(1, 2))
     changes = [f"{scientific(float(c), 2)} for h = {h:g}" for c, h in zip(largest, numbers.h, strict=True)]
     chaotic = [
@@ -136,7 +122,8 @@ def caption(numbers: LargeSteps) -> str:
         if row.any()
     ]
     verdict = f"Chaotic are the orbits from {', from '.join(chaotic)}" if chaotic else "None of these orbits is chaotic"
-    terms = "H" + "".join(f" + {power_of_h(k)}H{subscript(k + 1)}" for k in _powers(numbers))
+    first = 2 - bs.order_of(numbers.method) % 2  # only even powers of h for even orders
+    terms = "H" + "".join(f" + {power_of_h(k)}H{subscript(k + 1)}" for k in range(first, numbers.terms, first))
     return (
         f"Lecture, figure 6. Orbits of {name_of(numbers.method)} on the pendulum, of {numbers.states.shape[3] - 1:,} "
         f"steps from each marker, and the level curves of {terms} through the starts, in both directions of rotation. "
@@ -144,12 +131,6 @@ def caption(numbers: LargeSteps) -> str:
         f"distance 10⁻¹⁰ apart {'are' if chaotic else 'would be'} more than {APART:g} apart at the end. "
         "Orbits in several pieces are islands of resonances. The figure chaos-onset shows all starts."
     )
-
-
-def _powers(numbers: LargeSteps) -> range:
-    """The powers of h that a modified Hamiltonian may have."""
-    is_even = bs.order_of(numbers.method) % 2 == 0
-    return range(2, numbers.terms, 2) if is_even else range(1, numbers.terms)
 
 
 def draw(numbers: LargeSteps, figure: Figure) -> None:
@@ -166,8 +147,6 @@ def draw(numbers: LargeSteps, figure: Figure) -> None:
 
 def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
     """The level curves through the starts, and the orbits, for the k-th step size."""
-    import numpy as np
-
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")
     axes.plot([], [], color=GREY, linewidth=0.6, label="level curves")

@@ -16,11 +16,10 @@ from bseries.figures.helpers import (
     scientific,
 )
 from bseries.figures.options import read_count, read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY
 
 if TYPE_CHECKING:
-    import numpy as np
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.random import Generator
 
@@ -83,34 +82,19 @@ class LennardJonesDrift(NamedTuple):
 
 
 def numbers(
-    *,
-    h: Any = 0.01,
-    members: Any = 400,
-    span: Any = 20_000,
-    seed: Any = 0,
-    checkpoint: str | None = None,
+    *, h: Any = 0.01, members: Any = 400, span: Any = 20_000, seed: Any = 0, checkpoint: str | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> LennardJonesDrift:
+) -> LennardJonesDrift:  # fmt: skip
     """An ensemble up to t = 20,000, which takes minutes; with a folder `checkpoint` it can be resumed."""
     h, members = read_number(h, "h", 0.002, 0.02), read_count(members, "members", 2, 100_000)
     atoms: Any = bs.scene("lennard-jones")
     steps = round(read_number(span, "span", 20, 1e6) / h)
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
     result = bs.ensemble(
-        SIMPLIFIED,
-        atoms,
-        h=h,
-        steps=steps,
-        sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
-        members=members,
-        seed=read_count(seed, "seed", 0, 2**63),
-        observe={"H": energy.observer(h)},
-        observe_every=max(1, steps // TIMES),
-        change="absolute",
-        keep=KEPT,
-        checkpoint=checkpoint,
-        progress=progress,
-    )
+        SIMPLIFIED, atoms, h=h, steps=steps, sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
+        members=members, seed=read_count(seed, "seed", 0, 2**63), observe={"H": energy.observer(h)},
+        observe_every=max(1, steps // TIMES), change="absolute", keep=KEPT, checkpoint=checkpoint, progress=progress,
+    )  # fmt: skip
     return LennardJonesDrift(members, h, result.t, result.mean["H"], result.std["H"], result.series["H"])
 
 
@@ -157,37 +141,24 @@ def caption(numbers: LennardJonesDrift) -> str:
 def draw(numbers: LennardJonesDrift, figure: Figure) -> None:
     """Above trajectories with their mean and deviation, below the deviation in logarithmic scales."""
     above, below = figure.subplots(2, height_ratios=(1.5, 1))
-    label_panels(
-        (above, below), (f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$", "sizes")
-    )
-    _draw_trajectories(above, numbers)
-    _draw_deviation(below, numbers)
-
-
-def _draw_trajectories(axes: Axes, numbers: LennardJonesDrift) -> None:
-    """Single trajectories, the mean, the deviation and the fitted √t."""
+    drawn = f"{len(numbers.single)} of {numbers.members} trajectories, $h = {numbers.h:g}$"
+    label_panels((above, below), (drawn, "sizes"))
     t, fit = numbers.t, numbers.coefficient * numbers.t**0.5
     for k, errors in enumerate(numbers.single):
-        axes.plot(t, errors, color=SKY, linewidth=0.5, label=None if k else "trajectories")
+        above.plot(t, errors, color=SKY, linewidth=0.5, label=None if k else "trajectories")
     for sign, label in ((1, r"$\pm s$"), (-1, None)):
-        axes.plot(t, sign * numbers.deviation, color=BLUE, label=label)
-        axes.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
-    axes.plot(t, numbers.mean, color=BLACK, label="mean")
-    axes.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
-    axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.16, 0.98), ncols=4, borderaxespad=0)
-
-
-def _draw_deviation(axes: Axes, numbers: LennardJonesDrift) -> None:
-    """The deviation, the fitted √t and the mean in logarithmic scales."""
+        above.plot(t, sign * numbers.deviation, color=BLUE, label=label)
+        above.plot(t, sign * fit, "--", color=BLACK, linewidth=0.8, label=label and r"$\pm c\,\sqrt{t}$")
+    above.plot(t, numbers.mean, color=BLACK, label="mean")
+    above.set(xlabel="time $t$", ylabel="error of $H + h^2H_3 + h^4H_5$", xlim=(0, t[-1]))
+    above.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    above.legend(loc="lower left", bbox_to_anchor=(0.16, 0.98), ncols=4, borderaxespad=0)
     rows = logarithmic_indices(len(numbers.t), SHOWN)
-    t, deviation, mean, error = (
-        values[rows] for values in (numbers.t, numbers.deviation, numbers.mean, numbers.standard_error)
-    )
-    axes.loglog(t, deviation, color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
-    axes.loglog(t, numbers.coefficient * t**0.5, "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
-    axes.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
+    t, mean, error = numbers.t[rows], numbers.mean[rows], numbers.standard_error[rows]
+    below.loglog(t, numbers.deviation[rows], color=BLUE, label=rf"$s$, like $t^{{{numbers.exponent:.2f}}}$")
+    below.loglog(t, fit[rows], "--", color=BLACK, linewidth=0.8, label=r"$c\,\sqrt{t}$")
+    below.loglog(t, abs(mean), color=BLACK, linewidth=0.8, label="|mean|")
     if numbers.members >= ENOUGH:
-        axes.loglog(t, 3 * error, ":", color=BLACK, label="3 standard errors")
-    axes.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
-    axes.legend(loc="upper left", ncols=2)
+        below.loglog(t, 3 * error, ":", color=BLACK, label="3 standard errors")
+    below.set(xlabel="time $t$", ylabel="size of the error", xlim=(t[0], t[-1]))
+    below.legend(loc="upper left", ncols=2)

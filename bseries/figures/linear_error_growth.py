@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices, name_of, power
 from bseries.figures.options import read_method, read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = 10
 TITLE = "Two coupled rotors: linear growth of the global error, by the steps of the proof of theorem 7"
@@ -83,8 +82,6 @@ class LinearErrorGrowth(NamedTuple):
 
 def numbers(*, h: Any = 0.02, method: Any = OTHER) -> LinearErrorGrowth:
     """The steps of the proof: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, back."""
-    import numpy as np
-
     h, other = read_number(h, "h", 0.01, 0.05), read_method(method)
     rotors, change = scene(), bs.hamiltonians.harmonic_action_angle(OLD, NEW, [1, 1])
     start = np.array(START)
@@ -101,17 +98,9 @@ def numbers(*, h: Any = 0.02, method: Any = OTHER) -> LinearErrorGrowth:
         solution = change.to_old(form.from_normal(_rotating(b, omega, first.t), eps))
         predicted.append(_largest(first.y - solution))
         new.append(_changes(form.to_normal(states, eps)))
-    return LinearErrorGrowth(
-        other,
-        h,
-        first.t,
-        _largest(first.y - exact),
-        _largest(second.y - exact),
-        np.array(predicted),
-        _changes(states),
-        _changes(_action_angles(second.y)),
-        np.array(new),
-    )
+    errors = _largest(first.y - exact), _largest(second.y - exact), np.array(predicted)
+    actions = _changes(states), _changes(_action_angles(second.y)), np.array(new)
+    return LinearErrorGrowth(other, h, first.t, *errors, *actions)
 
 
 def scene() -> Scene:
@@ -138,15 +127,11 @@ def _frequencies(system: Scene, state: np.ndarray) -> np.ndarray:
 
 def _rotating(state: np.ndarray, omega: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Constant actions and angles with frequencies ω, (4, times)."""
-    import numpy as np
-
     return state[:, None] + np.concatenate([0 * omega, omega])[:, None] * t
 
 
 def _action_angles(states: np.ndarray) -> np.ndarray:
     """Actions and angles of states (p, q), (4, times)."""
-    import numpy as np
-
     p, q = np.split(states, 2)
     return np.vstack([(p**2 + q**2) / 2, np.arctan2(q, p)])
 
@@ -158,8 +143,6 @@ def _changes(states: np.ndarray) -> np.ndarray:
 
 def _largest(differences: np.ndarray) -> np.ndarray:
     """The largest Euclidean norms so far."""
-    import numpy as np
-
     return np.maximum.accumulate(np.linalg.norm(differences, axis=0))
 
 
@@ -198,23 +181,18 @@ def draw(numbers: LinearErrorGrowth, figure: Figure) -> None:
     panels = figure.subplot_mosaic([["a", "a"], ["b", "c"]], height_ratios=(1.15, 1))
     diagram, left, right = panels.values()
     label_panels(panels.values(), ("idea of the proof", "solutions", "actions"))
-    _draw_diagram(diagram)
+    diagram.set(xlim=(0, 1), ylim=(-0.05, 1))
+    diagram.axis("off")
+    boxed = {"boxstyle": "round,pad=0.5", "facecolor": WHITE, "edgecolor": BLACK, "linewidth": 0.7}
+    for (x, y), text in BOXES:
+        diagram.text(x, y, text, ha="center", va="center", bbox=boxed, linespacing=1.5)
+    for start, end, text, (x, y) in ARROWS:
+        diagram.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "facecolor": BLACK})
+        diagram.text(x, y, text, ha="center", va="center", fontsize=7.5, linespacing=1.4)
     _draw_curves(left, numbers, numbers.other, numbers.symplectic, numbers.predicted, "after")
     _draw_curves(right, numbers, numbers.other_actions, numbers.actions, numbers.new_actions, "actions $b$ after")
     left.set_ylabel("largest error so far")
     right.set_ylabel("largest change so far")
-
-
-def _draw_diagram(axes: Axes) -> None:
-    """Boxes for the systems, and arrows for the steps between them."""
-    axes.set(xlim=(0, 1), ylim=(-0.05, 1))
-    axes.axis("off")
-    boxed = {"boxstyle": "round,pad=0.5", "facecolor": WHITE, "edgecolor": BLACK, "linewidth": 0.7}
-    for (x, y), text in BOXES:
-        axes.text(x, y, text, ha="center", va="center", bbox=boxed, linespacing=1.5)
-    for start, end, text, (x, y) in ARROWS:
-        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 0.8, "facecolor": BLACK})
-        axes.text(x, y, text, ha="center", va="center", fontsize=7.5, linespacing=1.4)
 
 
 def _draw_curves(

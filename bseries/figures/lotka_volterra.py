@@ -15,17 +15,17 @@ from bseries.figures.helpers import (
     short_names,
     state,
     truncated_scene,
+    value_at,
 )
 from bseries.figures.options import read_methods, read_number, read_starts
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = 2
 TITLE = "Lotka–Volterra: explicit and symplectic Euler in the exact and in the modified flow"
@@ -80,15 +80,11 @@ def numbers(*, h: Any = 0.1, methods: Any = METHODS, y0: Any = STARTS) -> LotkaV
     flows = [truncated_scene(method, scene, order + 1, h) for method, order in zip(chosen, orders, strict=True)]
     modified = tuple(_portrait(flow, starts) for flow in flows)
     shown = tuple(starts if curves[0].is_closed else starts[:1] for curves in modified)
-    steps = tuple(_steps(scene, method, h, few) for method, few in zip(chosen, shown, strict=True))
+    steps = tuple(
+        np.array([bs.integrate(method, scene, h=h, steps=round(SPAN / h), y0=start).y for start in few])
+        for method, few in zip(chosen, shown, strict=True)
+    )
     return LotkaVolterra(h, chosen, orders, shown, steps, _portrait(scene, starts), modified)
-
-
-def _steps(scene: Scene, method: Method, h: float, starts: tuple[tuple[float, ...], ...]) -> np.ndarray:
-    """The numerical solutions of a method."""
-    import numpy as np
-
-    return np.array([bs.integrate(method, scene, h=h, steps=round(SPAN / h), y0=start).y for start in starts])
 
 
 def _portrait(flow: Scene, starts: tuple[tuple[float, ...], ...]) -> list[Curve]:
@@ -103,15 +99,13 @@ def _portrait(flow: Scene, starts: tuple[tuple[float, ...], ...]) -> list[Curve]
 
 def _curve(flow: Scene, start: tuple[float, ...]) -> Curve:
     """The curve through a start: one revolution of a closed one, else a spiral in both directions."""
-    import numpy as np
-
     forwards, angles = _half(flow, start, STEP)
     end = int(np.searchsorted(angles, 2 * np.pi))
     if end + 3 > len(angles):  # it does not come around
         again, is_closed = float(forwards[0, -1]), False
     else:
         near = slice(end - 3, end + 3)
-        again, other = (_interpolated(angles[near], row[near], 2 * np.pi) for row in forwards)
+        again, other = (float(value_at(2 * np.pi, angles[near], row[near])) for row in forwards)
         is_closed = abs(again - start[0]) + abs(other - start[1]) < CLOSED * max(start)
     if is_closed:
         return Curve(np.hstack([forwards[:, :end], forwards[:, :1]]), True, again)
@@ -121,13 +115,9 @@ def _curve(flow: Scene, start: tuple[float, ...]) -> Curve:
 
 def _half(flow: Scene, start: tuple[float, ...], step: float) -> tuple[np.ndarray, np.ndarray]:
     """States from a start on, until they have gone around several times, and the angles turned."""
-    import numpy as np
-
-    from integrators import StepError
-
     try:
         states = bs.integrate(FLOW, flow, h=step, steps=round(LONGEST / abs(step)), y0=start).y
-    except StepError as error:
+    except bs.integrators.StepError as error:
         states = error.trajectory.y
     p, q = states
     angles = np.unwrap(np.arctan2(q - REST[1], p - REST[0]))
@@ -138,17 +128,8 @@ def _half(flow: Scene, start: tuple[float, ...], step: float) -> tuple[np.ndarra
 
 def _within(states: np.ndarray) -> np.ndarray:
     """States until they leave the frame."""
-    import numpy as np
-
     inside = ((states > 0) & (states < np.array(LEAVES)[:, None])).all(axis=0)
     return states[:, : int(np.logical_and.accumulate(inside).sum()) + 1]
-
-
-def _interpolated(x: np.ndarray, y: np.ndarray, at: float) -> float:
-    """The value of the interpolation polynomial."""
-    import numpy as np
-
-    return float(np.polyval(np.polyfit(x - at, y, len(x) - 1), 0))
 
 
 def columns(numbers: LotkaVolterra) -> dict[str, np.ndarray]:
@@ -169,18 +150,15 @@ def caption(numbers: LotkaVolterra) -> str:
     truncated = [f"the term with {power_of_h(order)}" for order in numbers.orders]
     what = truncated[0] if truncated[0] == truncated[1] else " and ".join(truncated)
     shapes = ["closed to six digits" if curves[0].is_closed else "spirals" for _, curves in rows]
-    verdict = f"The modified curves of {names[0]} are {shapes[0]}"
-    verdict = (
-        f"The modified curves of both methods are {shapes[0]}"
-        if shapes[0] == shapes[1]
-        else (f"{verdict}, those of {names[1]} are {shapes[1]}")
-    )
+    verdict = f"of {names[0]} are {shapes[0]}, those of {names[1]} are {shapes[1]}"
+    if shapes[0] == shapes[1]:
+        verdict = f"of both methods are {shapes[0]}"
     starts = dict.fromkeys(start for row in numbers.starts for start in row)
     return (
         "Lecture, figure 2 (HLW, figure IX.1.2). Dots: numerical solutions of the Lotka–Volterra equations with "
         f"h = {numbers.h:g} up to t = {SPAN:g}, from the large dots at (p, q) = {listed(list(map(state, starts)))}. "
         "Left, on curves of the exact flow; right, on those of the flow of the modified equation, truncated after "
-        f"{what}. {verdict}. The starts of the lecture are not known."
+        f"{what}. The modified curves {verdict}. The starts of the lecture are not known."
     )
 
 
@@ -221,8 +199,6 @@ def _draw_panel(axes: Axes, curves: list[Curve], runs: np.ndarray) -> list[tuple
 
 def frames(numbers: LotkaVolterra, figure: Figure) -> Iterator[tuple[int, int]]:
     """The steps appear one after the other."""
-    import numpy as np
-
     moving = _draw_panels(numbers, figure)
     last = numbers.steps[0].shape[2] - 1
     counts = np.unique(np.linspace(0, last, min(last, MOST_FRAMES) + 1).astype(int))

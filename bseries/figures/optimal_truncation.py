@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import bseries as bs
 from bseries.figures.helpers import label_panels, state
 from bseries.figures.options import read_count
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from integrators import Scene
@@ -43,28 +42,21 @@ class Truncations(NamedTuple):
     h: np.ndarray  # step sizes, from large to small
     terms: np.ndarray  # numbers of terms N; only odd ones, as the method is symmetric
     errors: np.ndarray  # error of a step by step size and number of terms; nan where the flow could not be computed
-    # optimal N by the sizes of the terms at the middle of the step (`bseries.reach`), by step size
-    expected: np.ndarray
+    expected: np.ndarray  # optimal N by the sizes of the terms at the middle of the step (`reach`), by step size
 
     @property
     def x(self) -> np.ndarray:
         """2πδ/h."""
-        import numpy as np
-
         return 2 * np.pi * self.distance / self.h
 
     @property
     def least(self) -> np.ndarray:
         """The smallest error, by step size."""
-        import numpy as np
-
         return np.nanmin(self.errors, axis=1)
 
     @property
     def best(self) -> np.ndarray:
         """The N of the smallest error, by step size."""
-        import numpy as np
-
         return self.terms[np.nanargmin(self.errors, axis=1)]
 
 
@@ -87,8 +79,6 @@ def numbers(*, terms: Any = 17) -> OptimalTruncation:
 
 def pendulum_distance() -> float:
     """The time from q = 0 to q = i∞ of the rotating pendulum, over i: ∫ dy/p for q = iy, by the trapezoidal rule."""
-    import numpy as np
-
     energy = PENDULUM_START[0] ** 2 / 2 - 1
     y, width = np.linspace(-80, 80, 1601, retstep=True)
     return float((width / np.sqrt(2 * (energy + np.cosh(y)))).sum() / 2)
@@ -98,8 +88,6 @@ def _truncations(
     scene: Scene, start: tuple[float, float], terms: int, distance: float, x: tuple[float, float, int]
 ) -> Truncations:
     """The errors of all truncations, for step sizes with equidistant 2πδ/h."""
-    import numpy as np
-
     h, odd = 2 * np.pi * distance / np.linspace(*x), np.arange(1, terms + 1, 2)
     steps = [bs.integrate(METHOD, scene, h=size, steps=1, y0=start).y[:, 1] for size in h]
     fields = [bs.modified_field(bs.method(METHOD), scene, int(n), route="towers") for n in odd]
@@ -107,16 +95,13 @@ def _truncations(
     flow = partial(_flow, np.array(gauss.A, dtype=float), np.array(gauss.b, dtype=float), np.array(start))
     errors = [[np.linalg.norm(flow(f, size) - end) for f in fields] for size, end in zip(h, steps, strict=True)]
     middles = (np.array(start) + steps) / 2
-    sizes = (
-        bs.fields.reach(fields[-1], middle, TINY_STEP)._replace(h=size) for middle, size in zip(middles, h, strict=True)
-    )
-    return Truncations(distance, h, odd, np.array(errors), np.array([found.optimal_order for found in sizes]))
+    sizes = [bs.fields.reach(fields[-1], middle, TINY_STEP) for middle in middles]
+    best = [found._replace(h=size).optimal_order for found, size in zip(sizes, h, strict=True)]
+    return Truncations(distance, h, odd, np.array(errors), np.array(best))
 
 
 def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.fields.SceneSeries, h: float) -> np.ndarray:
     """The flow of a field after a time h, by one step of a Gauss method; nan if the iteration fails."""
-    import numpy as np
-
     derivatives = np.zeros((len(start), len(b)))
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of diverging iterations
@@ -154,10 +139,13 @@ def caption(numbers: OptimalTruncation) -> str:
 
 def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     """From left to right: errors by N, the least ones by 1/h, and their N."""
-    import numpy as np
-
     left, middle, right = figure.subplots(1, 3)
-    _draw_errors(left, numbers.pendulum)
+    errors = numbers.pendulum
+    for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
+        left.semilogy(errors.terms, errors.errors[k], dashes, color=colour, label=f"$h = {errors.h[k]:.2f}$")
+        left.semilogy(errors.best[k], errors.least[k], "o", color=colour, markersize=5)
+    left.set(xlabel="number of terms $N$", ylabel="error of a step", ylim=(None, 8))
+    left.legend(loc="upper right")
     styles = ("pendulum", "o", BLUE), ("quadrature", "^", VERMILION)
     for found, (label, marker, colour) in zip(numbers, styles, strict=True):
         middle.semilogy(found.x, found.least, marker, color=colour, label=label)
@@ -172,12 +160,3 @@ def draw(numbers: OptimalTruncation, figure: Figure) -> None:
     for axes, shown in ((middle, slice(None)), (right, slice(2, None))):
         axes.set(xlabel=r"$x = 2\pi\delta/h$", xlim=ends)
         axes.legend(handles=axes.lines[shown])
-
-
-def _draw_errors(axes: Axes, found: Truncations) -> None:
-    """Errors by the number of terms, the least of them marked."""
-    for k, colour, dashes in zip(SHOWN, (VERMILION, GREEN, BLUE), ("-.", "--", "-"), strict=True):
-        axes.semilogy(found.terms, found.errors[k], dashes, color=colour, label=f"$h = {found.h[k]:.2f}$")
-        axes.semilogy(found.best[k], found.least[k], "o", color=colour, markersize=5)
-    axes.set(xlabel="number of terms $N$", ylabel="error of a step", ylim=(None, 8))
-    axes.legend(loc="upper right")

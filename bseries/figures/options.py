@@ -7,8 +7,10 @@ from math import nan
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
+import bseries as bs
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from foundation.extras import np
 from integrators.core.arguments import as_lists, is_listed, split_row
 from integrators.core.errors import shown
 from integrators.exact.expressions import parse_constant
@@ -16,8 +18,7 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.scenes.text import read_values
 
 if TYPE_CHECKING:
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 
 def read_number(value: Any, argument: str, least: float, most: float) -> float:
@@ -27,7 +28,11 @@ def read_number(value: Any, argument: str, least: float, most: float) -> float:
         >>> read_number("1/50", "h", 0, 1), read_number(0.5, "h", 0, 1)
         (0.02, 0.5)
     """
-    number = _double(_number(value, argument))
+    number = _number(value, argument)
+    try:
+        number = nan if isinstance(number, bool) else float(number)
+    except (TypeError, ValueError, OverflowError):
+        number = nan
     if not least <= number <= most:
         raise SeriesError(f"{argument} must be a number from {least:g} to {most:g}, but was {value!r:.60}")
     return number
@@ -59,14 +64,6 @@ def read_count(value: Any, argument: str, least: int, most: int) -> int:
 def _number(value: Any, argument: str) -> Any:
     """The number that a text stands for; other values unchanged."""
     return parse_constant(value, argument=argument) if isinstance(value, str) else value
-
-
-def _double(number: Any) -> float:
-    """A number as a double; not a number if it is none."""
-    try:
-        return float(number) if not isinstance(number, bool) else nan
-    except (TypeError, ValueError, OverflowError):
-        return nan
 
 
 def _entries(value: Any) -> list[Any]:
@@ -125,16 +122,12 @@ def read_start(value: Any, scene: Scene) -> tuple[float, ...]:
 
 def _start(row: Any, scene: Scene) -> tuple[float, ...]:
     """A state of the scene, checked."""
-    import numpy as np
-
-    from integrators import right_hand_side
-
     names = ", ".join(scene.variables)
     if not is_listed(row) or len(row) != scene.dimension:
         raise SeriesError(f"y0 must have numbers for {names} of {scene.name}, but was {shown(row)}")
     state = tuple(read_number(entry, "y0", -1e9, 1e9) for entry in row)
     with np.errstate(all="ignore"):
-        velocity = right_hand_side(scene)(0.0, np.array(state))
+        velocity = bs.integrators.right_hand_side(scene)(0.0, np.array(state))
     if not np.isfinite(velocity).all():
         raise SeriesError(f"y0 must be a state at which the field of {scene.name} is finite, but was {shown(state)}")
     return state

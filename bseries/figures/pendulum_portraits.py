@@ -17,14 +17,14 @@ from bseries.figures.helpers import (
     state,
 )
 from bseries.figures.options import read_methods, read_numbers, read_starts
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators.methods.programs.program import Method
+    from integrators import Method
 
 NUMBER = 4
 TITLE = "Pendulum: phase portraits of explicit Euler, symplectic Euler and Störmer–Verlet on the cylinder"
@@ -74,8 +74,6 @@ class PendulumPortraits(NamedTuple):
 
 def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES, y0: Any = None) -> PendulumPortraits:
     """The runs of three methods with a step size each, and level curves of the energy; starts are for all methods."""
-    import numpy as np
-
     pendulum, chosen = bs.scene("pendulum"), read_methods(methods, 3)
     sizes = read_numbers(h, "h", [3], 0.001, 2)
     starts = LECTURE if y0 is None else 3 * (read_starts(y0, pendulum, [1, 2, 3]),)
@@ -85,8 +83,6 @@ def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES, y0: Any = None) -> P
 
 def _portrait(method: Method, h: float, starts: tuple[tuple[float, ...], ...]) -> Portrait:
     """The runs of a method."""
-    import numpy as np
-
     pendulum = bs.scene("pendulum")
     steps = STEPS if bs.energy_drift(method, pendulum).power is None else FEW
     runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=y0, observe="energy") for y0 in starts]
@@ -96,8 +92,6 @@ def _portrait(method: Method, h: float, starts: tuple[tuple[float, ...], ...]) -
 
 def _level_curves(energy: float) -> list[np.ndarray]:
     """Level curves of p²/2 − cos q: a closed curve, or one for each direction of rotation."""
-    import numpy as np
-
     if energy < 1:
         phase = np.linspace(0, 2 * np.pi, POINTS)
         q = 2 * np.arcsin(np.sqrt((1 + energy) / 2) * np.sin(phase))  # p = √(2(1 + H)) cos(phase)
@@ -142,12 +136,19 @@ def draw(numbers: PendulumPortraits, figure: Figure) -> None:
     names = short_names([portrait.method for portrait in numbers.portraits])
     titles = [f"{name}, $h = {p.h:g}$" for name, p in zip(names, numbers.portraits, strict=True)]
     label_panels(panels.flat, [*titles, *("cut open" for _ in titles)])
-    styles = dict(zip(numbers.starts, _styles(), strict=False))
+    markers = zip(numbers.starts, ("D", "o", "^", "s"), (PURPLE, VERMILION, BLUE, GREEN), strict=False)
+    common = {"linestyle": "none", "markersize": 2.2}
+    styles = {start: {"marker": marker, "color": colour, **common} for start, marker, colour in markers}
     for (above, below), portrait in zip(panels.T, numbers.portraits, strict=True):
         runs = portrait.runs[:, :, : MOST_DRAWN + 1]
         chosen = [styles[start] for start in portrait.starts]
         _draw_cylinder(above, numbers.levels, runs, chosen)
-        _draw_strip(below, numbers.levels, runs, chosen)
+        for p, q in numbers.levels:
+            below.plot(q, p, color=GREY, linewidth=0.8)
+        for (p, q), style in zip(runs, chosen, strict=True):
+            below.plot(reduced_angle(q), p, **style)
+        below.set(xlabel="angle $q$", ylim=(-TOP, TOP))
+        set_angle_axis(below)
     panels[0, 0].set_ylabel(r"$p$ at the sides, $q = \pm\pi/2$")
     panels[1, 0].set_ylabel("momentum $p$")
     keys = [panels[0, 0].plot([], [], label=state(start), **style)[0] for start, style in styles.items()]
@@ -156,8 +157,6 @@ def draw(numbers: PendulumPortraits, figure: Figure) -> None:
 
 def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: list[dict[str, Any]]) -> None:
     """The cylinder from outside, with q = 0 in front."""
-    import numpy as np
-
     for p, q in levels:
         for is_front in (False, True):
             visible = (np.cos(q) >= 0) == is_front
@@ -183,23 +182,4 @@ def _draw_cylinder(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: lis
 
 def _seen(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The projection of a state to the plane of the picture."""
-    import numpy as np
-
     return np.sin(q), p - TILT * np.cos(q)
-
-
-def _draw_strip(axes: Axes, levels: np.ndarray, runs: np.ndarray, styles: list[dict[str, Any]]) -> None:
-    """The cylinder cut open."""
-    for p, q in levels:
-        axes.plot(q, p, color=GREY, linewidth=0.8)
-    for (p, q), style in zip(runs, styles, strict=True):
-        axes.plot(reduced_angle(q), p, **style)
-    axes.set(xlabel="angle $q$", ylim=(-TOP, TOP))
-    set_angle_axis(axes)
-
-
-def _styles() -> list[dict[str, Any]]:
-    """The plot styles of the runs."""
-    common = {"linestyle": "none", "markersize": 2.2}
-    markers = zip(("D", "o", "^", "s"), (PURPLE, VERMILION, BLUE, GREEN), strict=True)
-    return [{"marker": marker, "color": colour, **common} for marker, colour in markers]

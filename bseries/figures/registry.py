@@ -1,21 +1,24 @@
-"""Registry of figures: every file of this folder with a TITLE is one."""
+"""Registry of figures: every file of this folder with a TITLE is one. Pictures and animations of them."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from subprocess import CalledProcessError
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Protocol
 
 from bseries.exceptions import SeriesError
-from bseries.figures.animations import save_animation
-from foundation.extras import optional_module
+from bseries.picture_files import check_place
+from foundation.extras import np, optional_module
 from foundation.plotting import new_figure, print_style
 from integrators.core.errors import not_one_of
+from integrators.core.text_files import atomic_write, check_path
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
     class LectureFigure(Figure):
@@ -27,6 +30,13 @@ if TYPE_CHECKING:
 
 PROGRESS = "progress"
 """Option of figures that take long: a function that receives the work done and all work."""
+ENDINGS = ("gif", "mp4")
+PER_SECOND = 15
+"""Frames per second."""
+DOTS = 110
+"""Dots per inch of animations: a width of 17 cm has 736 pixels."""
+MOST_FRAMES = 150
+"""Figures have at most as many frames, which bounds the time and the size of a file."""
 
 
 class FigureFile(Protocol):
@@ -83,13 +93,11 @@ def figure_file(name: str) -> FigureFile:
 
 
 def _modules() -> list[str]:
-    """The names of all files of this folder."""
-    return [module.name for module in iter_modules(import_module(__package__ or "").__path__)]
+    return [module.name for module in iter_modules([os.path.dirname(__file__)])]
 
 
-def _load(module: str) -> FigureFile:
-    """A file of this folder."""
-    return cast(FigureFile, import_module(f".{module}", __package__))
+def _load(module: str) -> Any:
+    return import_module(f".{module}", __package__)
 
 
 def options_of(file: FigureFile) -> dict[str, Any]:
@@ -128,7 +136,7 @@ def drawn(file: FigureFile, numbers: Any) -> LectureFigure:
 
 
 def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None) -> None:
-    """Write the figure as an animation.
+    """Write the figure as an animation; the file appears when it is complete.
 
     Args:
         file: The file of the figure.
@@ -137,16 +145,58 @@ def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[in
         progress: A function that receives the number of frames written and of all frames.
 
     Raises:
-        SeriesError: The figure does not move, or the path has another ending.
+        SeriesError: The figure does not move, the path has another ending, or the program that encodes MP4 fails.
         ImportError: matplotlib, or for MP4 a program that encodes it, is not installed.
         IntegratorError: The file cannot be written.
     """
     check_moving(file)
+    format_ = check_animation(path)
+    from matplotlib import rc_context
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
     frames: Callable[..., Iterator[tuple[int, int]]] = file.frames  # pyright: ignore[reportAttributeAccessIssue]
+    encoder: Any = {"animation.ffmpeg_path": _encoder()} if format_ == "mp4" else {}
+    with TemporaryDirectory() as folder, print_style(), rc_context(encoder):
+        figure, written = new_figure(file.SIZE), os.path.join(folder, f"animation.{format_}")
+        writer: Any = (FFMpegWriter if format_ == "mp4" else PillowWriter)(fps=PER_SECOND)
+        try:
+            with writer.saving(figure, written, DOTS):
+                for frame, count in frames(numbers, figure):
+                    if frame == 1:  # places stay: labels of other widths would let the axes jump
+                        figure.draw_without_rendering()
+                        figure.set_layout_engine("none")
+                    writer.grab_frame(facecolor="white")
+                    if progress is not None:
+                        progress(frame, count)
+        except (BrokenPipeError, CalledProcessError):
+            raise SeriesError(
+                f"animate must be a file that ffmpeg can write, but {encoder.get('animation.ffmpeg_path')} failed on "
+                f"{str(path)!r:.60}"
+            ) from None
+        with open(written, "rb") as content:
+            atomic_write(path, content.read())
+
+
+def check_animation(path: Any) -> str:
+    """The format of an animation by the ending of its file, checked with all that its writing needs."""
+    name = check_path(path, "animate")
+    format_ = os.path.splitext(name)[1].removeprefix(".").lower()
+    if format_ not in ENDINGS:
+        raise SeriesError(f"animate must be a file that ends in .{' or .'.join(ENDINGS)}, but was {name!r:.60}")
+    check_place(name, "animate")
     optional_module("matplotlib", "an animation")
-    with print_style():
-        figure = new_figure(file.SIZE)
-        save_animation(path, figure, frames(numbers, figure), progress)
+    if format_ == "mp4":
+        _encoder()
+    return format_
+
+
+def _encoder() -> str:
+    """The program that encodes MP4: ffmpeg on the path, or that of the package imageio-ffmpeg."""
+    from matplotlib.animation import FFMpegWriter
+
+    if FFMpegWriter.isAvailable():
+        return FFMpegWriter.bin_path()
+    return optional_module("imageio_ffmpeg", "an MP4, without ffmpeg on the path,").get_ffmpeg_exe()
 
 
 def check_moving(file: FigureFile) -> None:

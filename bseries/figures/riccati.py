@@ -9,14 +9,13 @@ import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.helpers import listed, name_of, scientific, truncated_scene
 from bseries.figures.options import read_method, read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
-    from integrators import Scene
-    from integrators.methods.programs.program import Method
+    from integrators import Method, Scene
 
 NUMBER = 1
 TITLE = "y' = y²: steps across the pole, and the modified equation after 1 to 4 terms"
@@ -47,8 +46,6 @@ class Riccati(NamedTuple):
 
     def distances(self) -> tuple[float, list[float]]:
         """The last time of a step that all curves reach, and their distances from the step."""
-        import numpy as np
-
         last = min([self.t[-1], *(t[-1] for t, _ in self.truncated.values())])
         step = int(np.searchsorted(self.t, last * (1 + 1e-12), "right")) - 1
         found = (np.interp(self.t[step], t, y) for t, y in self.truncated.values())
@@ -80,8 +77,6 @@ def _coefficients(method: Method, scene: Scene) -> list[float]:
 
 def _reach(coefficients: list[float]) -> float:
     """The largest h y of a curve."""
-    import numpy as np
-
     roots: Any = np.roots(coefficients[::-1])
     zeros = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0)]
     return min([REACH, *(BEFORE_REST * zeros)])
@@ -89,14 +84,10 @@ def _reach(coefficients: list[float]) -> float:
 
 def _steps(method: Method, scene: Scene, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and values of the steps as long as h y < 1.4; implicit steps may have no solution before."""
-    import numpy as np
-
-    from integrators import StepError
-
     try:
         with np.errstate(all="ignore"):
             run = bs.integrate(method, scene, h=h, steps=round(1 / h + log(1 / h)) + 2)
-    except StepError as error:
+    except bs.integrators.StepError as error:
         run = error.trajectory
     y = run.y[0]
     shown = np.logical_and.accumulate((y > 0) & (y < 2 * REACH / h))
@@ -108,8 +99,6 @@ def _solution(scene: Scene, h: float, reach: float) -> tuple[np.ndarray, np.ndar
 
     Its end is the solution of t' = 1/f(y), y' = 1, which has no pole.
     """
-    import numpy as np
-
     time = bs.Scene({"t": 1, "y": 1}, field={"t": 1 / scene.field[0], "y": "1"})
     end = bs.reference_solution(time, reach / h - 1, y0=[0, 1])[0, 0]
     t = np.append(np.arange(end * FINE // h + 1) * (h / FINE), end)

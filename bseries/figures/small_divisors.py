@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import label_panels, listed
 from bseries.figures.options import read_count
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -67,8 +67,6 @@ def mean_motions() -> np.ndarray:
 
     A smooth weight that vanishes at both ends suppresses the periodic parts of the rates.
     """
-    import numpy as np
-
     scene = bs.scene("outer-solar-system")
     run = bs.integrate(METHOD, scene, h=STEP, steps=STEPS, save_every=EVERY)
     p, q = run.y.reshape(2, len(PLANETS) + 1, 3, -1)
@@ -85,8 +83,6 @@ def mean_motions() -> np.ndarray:
 
 def divisors(omega: np.ndarray, reach: int) -> Divisors:
     """The least divisors of all k with |k| ≤ reach; of k and −k the one with a positive last entry."""
-    import numpy as np
-
     k, norms = np.zeros((1, 0), dtype=np.int8), np.zeros(1, dtype=np.int64)
     for _ in omega:
         values = np.arange(-reach, reach + 1, dtype=np.int8)
@@ -125,7 +121,12 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
     """Left the four giants, right all planets."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, found in ((left, numbers.giants), (right, numbers.planets)):
-        _draw_divisors(axes, found)
+        axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
+        label = rf"$\gamma\,|k|^{{-{found.nu}}}$ with $\gamma = {found.gamma:.1g}$"
+        axes.loglog(
+            found.norm, found.gamma * found.norm ** -float(found.nu), "--", color=BLACK, linewidth=0.8, label=label
+        )
+        axes.legend(loc="lower left")
         _draw_known(axes, numbers.frequencies[: found.k.shape[1]])
     ticks = [1, 2, 3, 5, 7, 10, 20]
     for axes in (left, right):
@@ -136,19 +137,8 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
     label_panels((left, right), ("Jupiter, Saturn, Uranus, Neptune", "with Pluto"))
 
 
-def _draw_divisors(axes: Axes, found: Divisors) -> None:
-    """The least divisors, and the bound with the largest possible γ."""
-    axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
-    bound = found.gamma * found.norm ** -float(found.nu)
-    label = rf"$\gamma\,|k|^{{-{found.nu}}}$ with $\gamma = {found.gamma:.1g}$"
-    axes.loglog(found.norm, bound, "--", color=BLACK, linewidth=0.8, label=label)
-    axes.legend(loc="lower left")
-
-
 def _draw_known(axes: Axes, omega: np.ndarray) -> None:
     """The divisors known to astronomers, if all of their planets are included."""
-    import numpy as np
-
     for k in KNOWN:
         if not any(k[len(omega) :]):
             norm, size = sum(map(abs, k)), abs(float(np.dot(k[: len(omega)], omega)))

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import label_panels, scientific
 from bseries.figures.options import read_number
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, ORANGE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -54,8 +54,6 @@ class TakahashiImadaDrift(NamedTuple):
 
 def numbers(*, h: Any = 0.2, p: Any = 2.5, span: Any = 5000) -> TakahashiImadaDrift:
     """Runs on both pendulums from q = 0 and momenta ±p, for which they rotate."""
-    import numpy as np
-
     h, p = read_number(h, "h", 0.02, 0.4), read_number(p, "p", LEAST_MOMENTUM, 4)
     span = read_number(span, "span", 100, 1e5)
     t = np.arange(round(span / h) + 1) * h
@@ -68,16 +66,8 @@ def _drift(scene: Scene, h: float, momentum: float, steps: int) -> Drift:
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), scene, TERMS).observer(h)
 
     def error(method: str, p: float) -> np.ndarray:
-        run = bs.integrate(
-            method,
-            scene,
-            h=h,
-            steps=steps,
-            y0=[p, 0],
-            save_every=None,
-            observe={"H": energy},
-            observe_every=1,
-        )
+        observed: Any = {"save_every": None, "observe": {"H": energy}, "observe_every": 1}
+        run = bs.integrate(method, scene, h=h, steps=steps, y0=[p, 0], **observed)
         return run.observed["H"] - run.observed["H"][0]
 
     report = bs.energy_drift(bs.method(SIMPLIFIED), scene, y0=[momentum, 0], h=h)
@@ -87,8 +77,6 @@ def _drift(scene: Scene, h: float, momentum: float, steps: int) -> Drift:
 
 def columns(numbers: TakahashiImadaDrift) -> dict[str, np.ndarray]:
     """The errors at all times, and the predicted slopes."""
-    import numpy as np
-
     table = {"t": numbers.t}
     for name in ("perturbed", "pendulum"):
         drift: Drift = getattr(numbers, name)
@@ -135,8 +123,6 @@ def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
 
 def slope(t: np.ndarray, errors: np.ndarray) -> float:
     """The slope of the least-squares line through the errors."""
-    import numpy as np
-
     return float(np.polyfit(t, errors, 1)[0])
 
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import label_panels, listed, logarithmic_indices, name_of, power_exponent, state
 from bseries.figures.options import read_count, read_method, read_start
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators.methods.programs.program import Method
+    from integrators import Method
 
 NUMBER = None
 TITLE = "Pendulum: conservation of the modified Hamiltonian, truncated after 1 to 8 terms"
@@ -53,8 +53,6 @@ class Conservation(NamedTuple):
 
 def numbers(*, terms: Any = 8, method: Any = METHOD, y0: Any = START) -> Conservation:
     """Errors of the truncations with up to a number of terms; the pendulum from (p, q) = (2.5, 0) rotates."""
-    import numpy as np
-
     count, chosen, pendulum = read_count(terms, "terms", 1, 10), read_method(method), bs.scene("pendulum")
     start = read_start(y0, pendulum)
     energy = bs.modified_hamiltonian(chosen, pendulum, count)
@@ -73,8 +71,6 @@ def largest_errors(
     y0: tuple[float, ...] = START,
 ) -> np.ndarray:
     """The largest error up to each step of H with 1, 2, … terms, (terms, steps + 1)."""
-    import numpy as np
-
     run = bs.integrate(method, energy.scene, h=h, steps=round(span / h), y0=y0)
     truncations = np.cumsum(energy.terms(run.y) * h ** np.arange(energy.order)[:, None], axis=0)
     return np.maximum.accumulate(abs(truncations - truncations[:, :1]), axis=1)

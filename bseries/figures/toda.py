@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.figures.helpers import column_names, label_panels, name_of, power, power_exponent, short_names
 from bseries.figures.options import read_methods, read_numbers
+from foundation.extras import np
 from foundation.plotting import BLUE, ORANGE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
-    from integrators.methods.programs.program import Method
+    from integrators import Method
 
 NUMBER = 9
 TITLE = "Toda lattice of three particles: errors of the eigenvalues and of the solution, RK4 and Störmer–Verlet"
@@ -51,8 +51,6 @@ def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES) -> Toda:
 
 def _errors(method: Method, h: float) -> Errors:
     """The errors of a method."""
-    import numpy as np
-
     run = bs.integrate(method, bs.scene("toda"), h=h, steps=round(SPAN / h))
     values = eigenvalues(run.y)
     changes = np.linalg.norm(values - values[0], axis=1)
@@ -68,8 +66,6 @@ def eigenvalues(states: np.ndarray) -> np.ndarray:
     References:
         H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925, doi:10.1103/PhysRevB.9.1924.
     """
-    import numpy as np
-
     p, q = np.split(states, 2)
     n = len(p)
     after = np.roll(np.arange(n), -1)
@@ -82,8 +78,6 @@ def eigenvalues(states: np.ndarray) -> np.ndarray:
 
 def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
     """The exponent of t in the running maximum for t ≥ 10."""
-    import numpy as np
-
     late = t >= FIT_FROM
     return float(power_exponent(t[late], np.maximum.accumulate(error)[late]))
 

@@ -16,17 +16,17 @@ from bseries.figures.helpers import (
     short_names,
     state,
     truncated_scene,
+    value_at,
 )
 from bseries.figures.options import read_count, read_methods, read_number, read_start
+from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
 
-    from integrators.methods.programs.program import Method
+    from integrators import Method
 
 NUMBER = 3
 TITLE = "Lotka–Volterra: the modified equations truncated after h and after h²"
@@ -65,8 +65,6 @@ class Truncation(NamedTuple):
 
     def distances(self, k: int) -> np.ndarray:
         """The distances |y_n − y(t_n)| of the steps of the k-th method from the curves, (terms, steps + 1)."""
-        import numpy as np
-
         return np.linalg.norm(self.curves[k][:, :, ::FINE] - self.steps[k], axis=1)
 
     def window(self, k: int) -> tuple[tuple[float, float], float]:
@@ -75,15 +73,15 @@ class Truncation(NamedTuple):
         It is around the step that is furthest from the curve with two terms (or one, if there are no others) as a set.
         """
         curve, steps = self.curves[k][min(1, len(self.curves[k]) - 1)], self.steps[k]
-        gaps = _gaps(curve, steps)
+        start, side = curve[:, :-1, None], np.diff(curve)[:, :, None]
+        along = ((steps[:, None] - start) * side).sum(axis=0) / (side**2).sum(axis=0)
+        gaps = np.linalg.norm(steps[:, None] - start - along.clip(0, 1) * side, axis=0).min(axis=0)
         far = int(gaps[: round(BEFORE_END * len(gaps))].argmax())
         return (float(steps[0, far]), float(steps[1, far])), ZOOM * float(gaps[far])
 
 
 def numbers(*, h: Any = 0.1, terms: Any = 3, methods: Any = METHODS, y0: Any = START) -> Truncation:
     """Steps up to t = 10, and the solutions of the equations truncated after 1 term (the exact one), 2, …"""
-    import numpy as np
-
     h, terms = read_number(h, "h", 0.005, 0.12), read_count(terms, "terms", 1, MOST_TERMS)
     chosen, scene = read_methods(methods, 2), bs.scene("lotka-volterra")
     start = read_start(y0, scene)
@@ -106,8 +104,6 @@ def numbers(*, h: Any = 0.1, terms: Any = 3, methods: Any = METHODS, y0: Any = S
 
 def _angle_and_radius(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The angle turned around the equilibrium since the start, and the distance from it."""
-    import numpy as np
-
     q, p = states[1] - REST[1], states[0] - REST[0]
     angle = np.unwrap(np.arctan2(q, p))
     return abs(angle - angle[0]), np.hypot(p, q)
@@ -115,41 +111,26 @@ def _angle_and_radius(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _period(t: np.ndarray, states: np.ndarray) -> float:
     """The time of a revolution; not a number if the solution has not returned to its start."""
-    import numpy as np
-
     angle, radius = _angle_and_radius(states)
     end = int(np.searchsorted(angle, 2 * np.pi))
     if end + 3 > len(angle):
         return np.nan
     near = slice(end - 3, end + 3)
-    time, back = (np.polyval(np.polyfit(angle[near] - 2 * np.pi, x[near], 5), 0) for x in (t, radius))
+    time, back = (value_at(2 * np.pi, angle[near], x[near]) for x in (t, radius))
     return float(time) if abs(back / radius[0] - 1) < RETURNED else np.nan
 
 
 def _mean_period(method: Method, h: float, start: tuple[float, ...]) -> float:
     """The mean time of a revolution of the numerical solution; not a number if its distance from rest drifts."""
-    import numpy as np
-
-    from integrators import StepError
-
     try:
         run = bs.integrate(method, "lotka-volterra", h=h, steps=REVOLUTIONS_STEPS, y0=start)
-    except StepError:
+    except bs.integrators.StepError:
         return np.nan
     angle, radius = _angle_and_radius(run.y)
     half = len(radius) // 2
     if abs(radius[half:].max() / radius[:half].max() - 1) > RETURNED:
         return np.nan
     return float(2 * np.pi * run.t[-1] / angle[-1])
-
-
-def _gaps(curve: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The distances of points from a polygon."""
-    import numpy as np
-
-    start, side = curve[:, :-1, None], np.diff(curve)[:, :, None]
-    along = ((points[:, None] - start) * side).sum(axis=0) / (side**2).sum(axis=0)
-    return np.linalg.norm(points[:, None] - start - along.clip(0, 1) * side, axis=0).min(axis=0)
 
 
 def columns(numbers: Truncation) -> dict[str, np.ndarray]:
@@ -186,33 +167,26 @@ def caption(numbers: Truncation) -> str:
 
 def draw(numbers: Truncation, figure: Figure) -> None:
     """From above: the curves, a part of them enlarged, and their distances from the steps."""
+    from matplotlib.patches import Rectangle
+
     panels = figure.subplots(3, 2, height_ratios=(1.4, 1.1, 1))
     panels[2, 1].sharey(panels[2, 0])
     names = short_names(numbers.methods)
-    label_panels(
-        panels.flat, [*names, *(f"frame in ({letter})" for letter in "ab"), *(f"{n}, distances" for n in names)]
-    )
+    label_panels(panels.flat, [*names, "frame in (a)", "frame in (b)", *(f"{name}, distances" for name in names)])
     for k, (above, middle, below) in enumerate(panels.T):
         _draw_curves(above, numbers, k, 2.0)
         _draw_curves(middle, numbers, k, 4.5)
         (p, q), half = numbers.window(k)
         middle.set(xlim=(p - half, p + half), ylim=(q - FLAT * half, q + FLAT * half))
         middle.spines[:].set_visible(True)
-        above.add_patch(_frame((p, q), half))
+        frame: Any = {"fill": False, "edgecolor": BLACK, "linewidth": 0.8, "zorder": 5}
+        above.add_patch(Rectangle((p - half, q - FLAT * half), 2 * half, 2 * FLAT * half, **frame))
         for distance, style in zip(numbers.distances(k), _styles(numbers), strict=True):
             below.semilogy(numbers.t[1:], distance[1:], **style)
         below.set(xlabel="time $t$", xlim=(0, SPAN))
     for row, label in zip(panels[:, 0], ("$q$ (predators)", "$q$ (predators)", "distance from the steps"), strict=True):
         row.set_ylabel(label)
     figure.legend(handles=panels[0, 0].lines, loc="outside lower center", ncols=4)
-
-
-def _frame(centre: tuple[float, float], half: float) -> Patch:
-    """The frame of the enlarged part."""
-    from matplotlib.patches import Rectangle
-
-    corner = centre[0] - half, centre[1] - FLAT * half
-    return Rectangle(corner, 2 * half, 2 * FLAT * half, fill=False, edgecolor=BLACK, linewidth=0.8, zorder=5)
 
 
 def _draw_curves(axes: Axes, numbers: Truncation, k: int, size: float) -> None:
@@ -229,7 +203,5 @@ def _styles(numbers: Truncation) -> list[dict[str, Any]]:
     labels = ["exact solution", "after $h$", *(f"after $h^{k}$" for k in range(2, MOST_TERMS))]
     colours = GREY, VERMILION, BLUE, GREEN, PURPLE, ORANGE
     dashes = "-", "-.", (0, (1, 1)), "--", (0, (6, 1)), (0, (4, 1, 1, 1, 1, 1))
-    styles = zip(labels, colours, dashes, strict=True)
-    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles][
-        : len(numbers.curves[0])
-    ]
+    styles = list(zip(labels, colours, dashes, strict=True))[: len(numbers.curves[0])]
+    return [{"label": label, "color": colour, "linestyle": dash} for label, colour, dash in styles]

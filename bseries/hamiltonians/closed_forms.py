@@ -39,12 +39,9 @@ from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 
-DIGITS = 60
-"""Digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many."""
-TOLERANCE = 1e-9
-"""Largest value that counts as zero at a root."""
-PIECES = 64
-"""The number of segments along which the branch of an angle is continued."""
+DIGITS = 60  # digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many
+TOLERANCE = 1e-9  # largest value that counts as zero at a root
+PIECES = 64  # the number of segments along which the branch of an angle is continued
 
 
 class OscillatorStep:
@@ -162,11 +159,7 @@ class OscillatorStep:
 
     def radius(self) -> float:
         """The radius of convergence of the logarithm in powers of x."""
-        singular = (math.sqrt(abs(s)) for s, is_pole in self._candidates() if is_pole or not self._is_regular(s))
-        return next(singular, math.inf)
-
-    def _candidates(self) -> list[tuple[complex, bool]]:
-        """Poles of the step and points with cos θ = ±1 other than 0, by distance from 0."""
+        # Poles of the step and points with cos θ = ±1 other than 0, by distance from 0.
         zeros = [(sympy.numer(sympy.cancel(self.cosine - sign)), False) for sign in (1, -1)]
         poles = [(sympy.denom(entry), True) for entry in self.entries]
         found: list[tuple[complex, bool]] = []
@@ -175,25 +168,13 @@ class OscillatorStep:
             if polynomial.degree() > 0:
                 roots = polynomial.sqf_part().nroots(DIGITS, maxsteps=500)
                 found += [(complex(root), is_pole) for root in roots if root]
-        return sorted(found, key=lambda candidate: abs(candidate[0]))
+        found.sort(key=lambda candidate: abs(candidate[0]))
+        return next((math.sqrt(abs(s)) for s, is_pole in found if is_pole or not self._is_regular(s)), math.inf)
 
     def _is_regular(self, s: complex) -> bool:
         """Whether the logarithm is analytic at a point with cos θ = ±1: the step is ±1, or θ = 0."""
         a, b, c, d = self._numeric(s)
-        if max(abs(b), abs(c), abs(a - d)) < TOLERANCE:
-            return True
-        angle, _ = self._angle(cmath.sqrt(s))
-        return abs(angle) < 1
-
-
-def quadratic_form(scene: Scene) -> Any:
-    """The matrix S of H = ½ yᵀSy; None if H is not quadratic, or has symbols."""
-    H, y = scene.hamiltonian, scene.symbols
-    if H is None or not H.is_polynomial(*y) or H.free_symbols - set(y):
-        return None
-    if any(sum(monomial) not in (0, 2) for monomial in sympy.Poly(H, *y).monoms()):
-        return None
-    return sympy.hessian(H, y)
+        return max(abs(b), abs(c), abs(a - d)) < TOLERANCE or abs(self._angle(cmath.sqrt(s))[0]) < 1
 
 
 class LinearHamiltonian:
@@ -215,15 +196,29 @@ class LinearHamiltonian:
             in_x = convergence_radius(method).radius
             self._factors: tuple[Any, ...] = form / 2, sympy.zeros(size), sympy.zeros(size)
         else:
-            _check_separable(method, scene, stages)
+            kinds = {stage.hamiltonian for stage in stages.stages}
+            mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
+            if mixed or sympy.expand(sympy.Add(*kinds) - energy).free_symbols:
+                raise SeriesError(
+                    "method must be a Runge–Kutta method, or kick by U(q) and drift by T(p), for a closed form, but "
+                    f"{method.name} on {scene.name} does otherwise"
+                )
             self._step = OscillatorStep.of_stages(stages)
             in_x = self._step.radius()
-            momenta, positions, mixed = (sympy.zeros(size) for _ in range(3))
+            momenta, positions, products = (sympy.zeros(size) for _ in range(3))
             for p, q in canonical_pairs(scene):
-                momenta[p, p], positions[q, q], mixed[p, q] = 1, 1, sympy.Rational(1, 2)
-            self._factors = momenta * form / 2, positions * form / 2, mixed
+                momenta[p, p], positions[q, q], products[p, q] = 1, 1, sympy.Rational(1, 2)
+            self._factors = momenta * form / 2, positions * form / 2, products
         self._square: Any = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
-        self._polynomial = _minimal_polynomial(self._square, scene.name)
+        # The minimal polynomial of K must have simple roots.
+        self._polynomial: Any = sympy.Poly(self._square.charpoly().as_expr(), extension=True).sqf_part()
+        value = sympy.zeros(size)
+        for coefficient in self._polynomial.all_coeffs():
+            value = value * self._square + coefficient * sympy.eye(size)
+        if not value.applyfunc(sympy.simplify).is_zero_matrix:
+            raise SeriesError(
+                f"scene must have a square A² that can be diagonalised, but that of {scene.name} has Jordan blocks"
+            )
         largest = max(abs(kappa) for kappa in self._eigensystem[0])
         self.radius = in_x / math.sqrt(largest) if largest else math.inf
 
@@ -283,28 +278,6 @@ class LinearHamiltonian:
             (kappa, math.prod(((self._square - x * one) / (kappa - x) for x in roots if x is not kappa), start=one))
             for kappa in roots
         ]
-
-
-def _check_separable(method: Method, scene: Scene, stages: Stages) -> None:
-    """Check that a method consists of kicks by U(q) and drifts by T(p)."""
-    parts = {stage.hamiltonian for stage in stages.stages}
-    mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
-    if mixed or sympy.expand(sympy.Add(*parts) - scene.hamiltonian).free_symbols:
-        raise SeriesError(
-            "method must be a Runge–Kutta method, or kick by U(q) and drift by T(p), for a closed form, but "
-            f"{method.name} on {scene.name} does otherwise"
-        )
-
-
-def _minimal_polynomial(square: Any, name: str) -> Any:
-    """The minimal polynomial of −A², which must have simple roots."""
-    polynomial = sympy.Poly(square.charpoly().as_expr(), extension=True).sqf_part()
-    value = sympy.zeros(square.rows)
-    for coefficient in polynomial.all_coeffs():
-        value = value * square + coefficient * sympy.eye(square.rows)
-    if not value.applyfunc(sympy.simplify).is_zero_matrix:
-        raise SeriesError(f"scene must have a square A² that can be diagonalised, but that of {name} has Jordan blocks")
-    return polynomial
 
 
 class FieldNijhoff:
@@ -482,8 +455,12 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
     scene = as_scene(scene)
     check_method(method)
     canonical_pairs(scene)
-    form = quadratic_form(scene)
-    found = FieldNijhoff.of(method, scene, parts) if form is None else LinearHamiltonian(method, scene, form, parts)
+    H, y = scene.hamiltonian, scene.symbols
+    is_polynomial = H is not None and H.is_polynomial(*y) and not H.free_symbols - set(y)
+    if H is not None and is_polynomial and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):
+        found = LinearHamiltonian(method, scene, sympy.hessian(H, y), parts)
+    else:
+        found = FieldNijhoff.of(method, scene, parts)
     if found is None:
         raise SeriesError(
             "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "

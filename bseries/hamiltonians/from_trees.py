@@ -29,14 +29,21 @@ from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.elementary_differentials import SymbolicSeries
-from bseries.fields.modified_fields import SceneSeries
-from bseries.fields.scene_trees import SceneTrees, flat_fields, mapped_uncertainty, trees_of_method, trees_of_series
+from bseries.fields.modified_fields import (
+    SceneSeries,
+    SceneTrees,
+    flat_fields,
+    mapped_uncertainty,
+    trees_of_method,
+    trees_of_series,
+)
 from integrators import IntegratorError
+from integrators.core.immutable import cached_method
 from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import VALUE, LocalTerm, Output, Place, System
-from integrators.scenes.particles.local_form import constant_terms
+from integrators.scenes.particles.expansion import constant_terms
 from integrators.scenes.particles.parts import Piece, degrees
 from integrators.scenes.scene import Scene
 from trees.counting import count_trees
@@ -52,15 +59,6 @@ class EnergyScene(System):
 
     If each term of H belongs to one piece of the field, as for a splitting, or for H = T(p) + U(q) with the blocks p
     and q as pieces, there is an energy for each piece. Otherwise H is the only energy.
-
-    Example:
-        >>> import bseries as bs
-        >>> pendulum = bs.scene("pendulum")
-        >>> separable = EnergyScene(pendulum, [Piece(frozenset("p")), Piece(frozenset("q"))])
-        >>> separable.variables, separable.twins, separable.energies
-        (('p', 'q', 'energy1', 'energy2'), (0, 1), (-cos(q), p**2/2))
-        >>> EnergyScene(pendulum, [Piece()]).energies
-        (p**2/2 - cos(q),)
     """
 
     scene: Scene
@@ -151,15 +149,7 @@ def _flat_formula(term: LocalTerm, scene: Scene) -> sympy.Expr:
 
 
 class EnergyFormulas:
-    """Modified Hamiltonian given by formulas: the sum Σ h^k · formula, compiled or in any precision.
-
-    Example:
-        >>> import numpy as np, sympy
-        >>> p, q = sympy.symbols("p q")
-        >>> energy = EnergyFormulas([p, q], [p**2 / 2 - sympy.cos(q), -p * sympy.sin(q) / 2])
-        >>> energy.gradient(np.array([[1.0, 0.0]]), 0.5)
-        array([[ 1.  , -0.25]])
-    """
+    """Modified Hamiltonian given by formulas: the sum Σ h^k · formula, compiled or in any precision."""
 
     def __init__(self, symbols: Sequence[sympy.Symbol], formulas: Sequence[sympy.Expr]):
         self.symbols, self.formulas = tuple(symbols), tuple(formulas)
@@ -260,20 +250,18 @@ class EnergySeries:
             return self
         return formulas if faster else self
 
-    def _symbolic_series(self, **limits: int) -> SymbolicSeries:
-        return SymbolicSeries(self.series.series, self.scene.fields, self.scene.symbols, **limits)
-
     def formulas(self, **limits: int) -> EnergyFormulas:
         """The sum as formulas, abandoned where they exceed a limit."""
-        symbolic = self._symbolic_series(**limits)
+        symbolic = SymbolicSeries(self.series.series, self.scene.fields, self.scene.symbols, **limits)
         terms = [self._term(symbolic, k, simplify=False) for k in range(self.order)]
         self.__dict__.setdefault("_symbolic", symbolic)  # keeps the terms
         return EnergyFormulas(self.scene.scene.symbols, terms)
 
     @cached_property
     def _symbolic(self) -> SymbolicSeries:
-        return self._symbolic_series()
+        return SymbolicSeries(self.series.series, self.scene.fields, self.scene.symbols)
 
+    @cached_method
     def symbolic(self, k: int) -> sympy.Expr:
         """The coefficient of h^k."""
         return self._term(self._symbolic, k, simplify=True)

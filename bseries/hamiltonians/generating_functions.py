@@ -21,18 +21,18 @@ from typing import Any, NamedTuple
 import sympy
 
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import (
+    MOST_MONOMIALS,
+    Composition,
+    DifferentialRing,
+    Expansion,
+    PowerSeries,
+    combination,
+)
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import power_sum
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.polynomials import Element
-from bseries.fields.symbolic.power_series import Composition, Expansion, PowerSeries, combination
-from bseries.hamiltonians.symplectic_stages import (
-    Stages,
-    canonical_pairs,
-    entry,
-    hamiltonian_constant,
-    symplectic_stages,
-)
+from bseries.fields.polynomials import Element
+from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
 from bseries.scene_text import power_table
 from foundation.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
@@ -140,32 +140,29 @@ def generating_function(
         E. Hairer, lecture on long-time behaviour, theorem 5; HLW, theorem VI.5.4 and section IX.3.2.
         F. M. Lasagni, unpublished (1988).
     """
-    method = as_method(method)
-    scene = as_scene(scene)
-    with refusing_large(MOST_MONOMIALS):
-        ring, generating = _expanded(method, scene, order, parts)
-        terms = _written(ring, generating, scene)
+    method, scene = as_method(method), as_scene(scene)
+    terms = generating_terms(method, scene, order, parts, solved=False)
     momenta, positions = (
         tuple(scene.symbols[i] for i in places) for places in zip(*canonical_pairs(scene), strict=True)
     )
     return GeneratingFunction(f"{method.name} on {scene.name}", momenta, positions, terms)
 
 
-def generating_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
-    """The terms of the modified Hamiltonian of a symplectic method, from its generating function.
+def generating_terms(
+    method: Method, scene: Scene, order: int, parts: Any = None, *, solved: bool = True
+) -> tuple[sympy.Expr, ...]:
+    """The modified Hamiltonian of a symplectic method from its generating function (HLW, theorem IX.3.2).
 
-    Example:
-        >>> import bseries as bs
-        >>> generating_terms(bs.method("symplectic-euler-p"), bs.scene("pendulum"), 3)
-        (p**2/2 - cos(q), -p*sin(q)/2, p**2*cos(q)/12 + sin(q)**2/12)
-
-    References:
-        E. Hairer, lecture on long-time behaviour, theorem 4 and (24); HLW, theorem IX.3.2.
+    If not `solved`, the terms S_1, …, S_N of the generating function itself.
     """
+    check_order(order)
     with refusing_large(MOST_MONOMIALS):
-        ring, generating = _expanded(method, scene, order, parts)
-        recursion = HamiltonJacobi(ring, canonical_pairs(scene))
-        return _written(ring, recursion.hamiltonian(generating), scene)
+        S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()  # S / h
+        terms = [S[n] for n in range(order)]
+        if solved:
+            terms = HamiltonJacobi(S.ring, canonical_pairs(scene)).hamiltonian(terms)
+        first, *others = map(S.ring.to_expression, terms)
+    return first + energy_constant(scene), *others  # the stages lack the constant of H
 
 
 def exact_generating_function(
@@ -289,19 +286,6 @@ def check_symbols(momenta: Any, positions: Any, *others: Any) -> tuple[sympy.Sym
     if not all(isinstance(x, sympy.Symbol) for x in every) or len(set(every)) < len(every):
         raise SeriesError(f"momenta, positions and h must be different SymPy symbols, but were {every!s:.60}")
     return symbols
-
-
-def _written(ring: DifferentialRing, terms: Iterable[Element], scene: Scene) -> tuple[sympy.Expr, ...]:
-    """The formulas of the terms, with the constant of H, which the stages lack, in the first."""
-    first, *others = map(ring.to_expression, terms)
-    return first + hamiltonian_constant(scene), *others
-
-
-def _expanded(method: Method, scene: Scene, order: int, parts: Any) -> tuple[DifferentialRing, list[Element]]:
-    """The ring and the terms S_1, …, S_N of a method; those of S / h are S_1, S_2, …"""
-    check_order(order)
-    S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()
-    return S.ring, [S[n] for n in range(order)]
 
 
 class HamiltonJacobi:

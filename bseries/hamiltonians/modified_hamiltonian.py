@@ -11,35 +11,32 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import sympy
 
+from bseries import scene_text
 from bseries.algebra.bseries import BSeries
+from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
 from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
-from bseries.fields.symbolic.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from bseries.hamiltonians.from_trees import EnergyFormulas, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
-from bseries.hamiltonians.verdicts import HamiltonianVerdict, hamiltonian_verdict, name_of, verdict_beyond
-from bseries.scene_text import (
-    first_powers,
-    formula_notes,
-    hamiltonian_equation,
-    head,
-    place,
-    remarks,
-    short_powers,
-    span,
+from bseries.hamiltonians.verdicts import (
+    FURTHER,
+    HamiltonianVerdict,
+    hamiltonian_verdict,
+    is_proved_symplectic,
+    name_of,
 )
 from foundation.diagrams import axis_label, draw_levels, write_title
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError, shown
-from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
-from integrators.reference.arbitrary_precision import Arithmetic
+from integrators.reference.plain_steps import Arithmetic
 from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
@@ -49,10 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-POINTS, LEVELS = 200, 15
-"""Of a plot: points in each direction, and level curves."""
-SPACE = 0.15
-"""Around the states of a run, as a part of their range."""
+POINTS, LEVELS = 200, 15  # of a plot: points in each direction, and level curves
+SPACE = 0.15  # around the states of a run, as a part of their range
 
 
 class ModifiedHamiltonian:
@@ -100,10 +95,10 @@ class ModifiedHamiltonian:
         return f"<{self.label} on {self.scene.name}: order {self.order}, by {self.route}>"
 
     def __str__(self) -> str:
-        return first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_text(PRINT_WIDTH)
+        return scene_text.first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_text(PRINT_WIDTH)
 
     def _short_powers(self) -> range:
-        return short_powers(self.scene, lambda k: [self.symbolic(k)], self.order)
+        return scene_text.short_powers(self.scene, lambda k: [self.symbolic(k)], self.order)
 
     @cached_property
     def verdict(self) -> HamiltonianVerdict:
@@ -118,7 +113,12 @@ class ModifiedHamiltonian:
             H~ exists through h^4 only: on pendulum the term with h^5 has no Hamiltonian; the first tree to break it for
             all H is [τ,[[τ]]].
         """
-        return verdict_beyond(self.method, self.scene, self.order, self.parts)
+        method, scene, order, parts = self.method, self.scene, self.order, self.parts
+        if isinstance(method, BSeries):
+            order = None
+        elif not is_proved_symplectic(method, modified_field(method, scene, 1, parts=parts)):
+            order = max(order + 1, order_of(method) + FURTHER)
+        return hamiltonian_verdict(method, scene, order, parts=parts)
 
     def __call__(self, y: Any, h: float, workers: int = 1) -> Any:
         """The value at one point or many.
@@ -207,10 +207,6 @@ class ModifiedHamiltonian:
             SeriesError: The power is out of range.
         """
         check_power(k, self.order - 1)
-        return self._formula(k)
-
-    @cached_method
-    def _formula(self, k: int) -> sympy.Expr:
         return self._energy.symbolic(k)
 
     def expression(self, h: Any) -> sympy.Expr:
@@ -280,7 +276,13 @@ class ModifiedHamiltonian:
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
         if window is None and run is None:
             raise SeriesError("window must be given, as in (-3, 3, -2, 2), where no run is, but was not")
-        ends = _window(run.y[i], run.y[j]) if window is None and run is not None else read_window(window)
+        if window is None and run is not None:
+            lower, upper = (f(run.y[[i, j]], axis=1) for f in (np.min, np.max))
+            space = SPACE * np.where(upper > lower, upper - lower, 1.0)
+            left, bottom, right, top = map(float, (*(lower - space), *(upper + space)))
+            ends = left, right, bottom, top
+        else:
+            ends = read_window(window)
         across, upwards = np.linspace(*ends[:2], POINTS), np.linspace(*ends[2:], POINTS)
         states = np.repeat(np.array(self.scene.y0 if run is None else run.y[:, 0])[:, None], POINTS**2, axis=1)
         states[i], states[j] = (grid.ravel() for grid in np.meshgrid(across, upwards))
@@ -326,7 +328,7 @@ class ModifiedHamiltonian:
         return short_latex(self.to_latex()) if len(self._short_powers()) == self.order else None
 
     def _repr_html_(self) -> str:
-        return first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_html()
+        return scene_text.first_powers(repr(self), self.order, self.to_table, self._short_powers()).to_html()
 
     def to_table(
         self, powers: Sequence[int] | None = None, *, nonzero: bool = False, effects: Sequence[str] | None = None
@@ -343,38 +345,32 @@ class ModifiedHamiltonian:
         rows = [(k, formula) for k, formula in terms if formula != 0 or not nonzero]
         method, scene, series = name_of(self.method), self.scene, self.field.series
         issues = getattr(self.method, "issues", ())
+        where = scene_text.place(method, scene, effects)
         meaning = "The numerical solution follows the system with the Hamiltonian Σ h^k · (coefficient of h^k)."
 
         def data() -> dict[str, Any]:
             return {
-                **head("hamiltonian", method, scene, effects),
+                **scene_text.head("hamiltonian", method, scene, effects),
                 "order": self.order,
                 "route": self.route,
                 "domain": series.domain,
                 "variables": list(self.variables),
                 "exists_through": self.verdict.exists_through,
                 "verdict": self.verdict.to_dict(),
-                **remarks(series, issues, scene),
+                **scene_text.remarks(series, issues, scene),
                 "terms": [{"power": k, "hamiltonian": str(formula)} for k, formula in rows],
             }
 
         return Table(
-            f"Modified Hamiltonian of {place(method, scene, effects)}: {span(powers)}, by {self.route}",
+            f"Modified Hamiltonian of {where}: {scene_text.span(powers)}, by {self.route}",
             (Column("k", True), Column("coefficient of h^k")),
             rows,
-            [self.verdict.limit() or meaning, *formula_notes(series, issues, scene, nonzero=nonzero)],
+            [self.verdict.limit() or meaning, *scene_text.formula_notes(series, issues, scene, nonzero=nonzero)],
             data=data,
             items="terms",
             records=listed([("power", itemgetter(0)), ("hamiltonian", itemgetter(1))], rows),
-            own={"latex": lambda width: hamiltonian_equation(scene, terms, self.verdict.limit(latex=True))},
+            own={"latex": lambda width: scene_text.hamiltonian_equation(scene, terms, self.verdict.limit(latex=True))},
         )
-
-
-def _window(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
-    """Ends of axes around states."""
-    (left, bottom), (right, top) = ([float(f(values)) for values in (x, y)] for f in (min, max))
-    aside, above = (SPACE * (size or 1.0) for size in (right - left, top - bottom))
-    return left - aside, right + aside, bottom - above, top + above
 
 
 ROUTES = ("auto", "trees", "brackets", "generating-function", "integration")
@@ -463,7 +459,12 @@ def _route_and_energy(
                 raise
     if is_method and route == "generating-function":
         return route, EnergyFormulas(scene.symbols, generating_terms(method, scene, order, parts))
-    _check_hamiltonian(method, scene, order, parts)
+    verdict = hamiltonian_verdict(method, scene, order, parts=parts)
+    if verdict.order == 0:
+        raise SeriesError(f"scene must be Hamiltonian, but the field of {scene.title} is not")
+    if not verdict.holds:
+        kind = "symplectic" if scene.poisson is None else "a Poisson integrator"
+        raise SeriesError(f"method must be {kind} on {scene.title}, but {verdict}")
     terms = modified_invariant(modified_field(method, scene, order, parts=parts)).terms
     if route == "integration":
         terms = _with_constants(terms, method, scene, order, parts, "trees" if canonical else "brackets")
@@ -487,13 +488,3 @@ def _with_constants(
         is_constant = all(ring.is_zero(ring.derivative(gap, i)) for i in range(scene.dimension))
         found.append(term + ring.to_expression(gap) if is_constant else term)
     return tuple(found)
-
-
-def _check_hamiltonian(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> None:
-    """Check that the modified equation is Hamiltonian on the scene."""
-    verdict = hamiltonian_verdict(method, scene, order, parts=parts)
-    if verdict.order == 0:
-        raise SeriesError(f"scene must be Hamiltonian, but the field of {scene.title} is not")
-    if not verdict.holds:
-        kind = "symplectic" if scene.poisson is None else "a Poisson integrator"
-        raise SeriesError(f"method must be {kind} on {scene.title}, but {verdict}")

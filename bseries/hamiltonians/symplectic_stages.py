@@ -26,8 +26,7 @@ from integrators.scenes.particles.expansion import flat_hamiltonian
 from integrators.scenes.particles.parts import Piece, pieces_of
 from integrators.scenes.scene import Scene
 
-Multiples = Mapping[int, Any]
-"""The factors of h H_q or h H_p at a stage in the evaluations k_e of a program."""
+Multiples = Mapping[int, Any]  # the factors of h H_q or h H_p at a stage in the evaluations k_e of a program
 
 
 class Stage(NamedTuple):
@@ -80,10 +79,28 @@ def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages
         if not isinstance(evaluation, Field | Flow) or (isinstance(evaluation, Flow) and evaluation.forcing):
             raise SeriesError(f"method must evaluate the field itself only, but k{e + 1} of {method.name} does not")
         groups.setdefault((_piece(evaluation, pieces).part, evaluation.at), []).append(e)
+    size = len(method.names) if isinstance(method, RungeKutta | PartitionedRungeKutta) else 1
     found: list[Stage] = []
-    for (part, at), members in groups.items():
-        evaluations = {e: program.evaluations[e] for e in members}
-        found += _stages_at(at, evaluations, part, pieces, scene, method)
+    for (part, at), members in groups.items():  # stages for T(p), U(q) and the remaining terms of a part
+        evaluations: dict[int, Any] = {e: program.evaluations[e] for e in members}
+        forces, velocities = (
+            {
+                e: evaluation.time if isinstance(evaluation, Flow) else Fraction(1)
+                for e, evaluation in evaluations.items()
+                if (covered := _piece(evaluation, pieces).blocks) is None or block.name in covered
+            }
+            for block in scene.canonical_pair or ()
+        )
+        separated = list(_separated(scene, part))
+        kicking = any(forces and kicks for _, kicks, _ in separated)
+        drifting = any(velocities and drifts for _, _, drifts in separated)
+        both = any(kicks and drifts for _, kicks, drifts in separated) or (kicking and drifting)
+        first = members[0]
+        if both and any(isinstance(evaluation, Flow) for evaluation in evaluations.values()):
+            raise SeriesError(f"method must have flows that kick or drift, but k{first + 1} of {method.name} does both")
+        for formula, kicks, drifts in separated:
+            if (forces and kicks) or (velocities and drifts):
+                found.append(Stage(formula, kicks, drifts, at, forces, velocities, first // size + 1))
     stages = Stages(tuple(found), program.result)
     _check_symplectic(stages, method)
     return stages
@@ -91,36 +108,6 @@ def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages
 
 def _piece(evaluation: Evaluation, pieces: Sequence[Piece]) -> Piece:
     return Piece() if evaluation.part is None else pieces[evaluation.part]
-
-
-def _stages_at(
-    at: LinearForm,
-    evaluations: Mapping[int, Any],
-    part: str | None,
-    pieces: Sequence[Piece],
-    scene: Scene,
-    method: Method,
-) -> Iterator[Stage]:
-    """The stages of one part of the Hamiltonian at one point: for T(p), U(q) and the remaining terms."""
-    forces, velocities = (
-        {
-            e: evaluation.time if isinstance(evaluation, Flow) else Fraction(1)
-            for e, evaluation in evaluations.items()
-            if (covered := _piece(evaluation, pieces).blocks) is None or block.name in covered
-        }
-        for block in scene.canonical_pair or ()
-    )
-    first = min(evaluations)
-    size = len(method.names) if isinstance(method, RungeKutta | PartitionedRungeKutta) else 1
-    separated = list(_separated(scene, part))
-    kicking = any(forces and kicks for _, kicks, _ in separated)
-    drifting = any(velocities and drifts for _, _, drifts in separated)
-    both = any(kicks and drifts for _, kicks, drifts in separated) or (kicking and drifting)
-    if both and any(isinstance(evaluation, Flow) for evaluation in evaluations.values()):
-        raise SeriesError(f"method must have flows that kick or drift, but k{first + 1} of {method.name} does both")
-    for formula, kicks, drifts in separated:
-        if (forces and kicks) or (velocities and drifts):
-            yield Stage(formula, kicks, drifts, at, forces, velocities, first // size + 1)
 
 
 def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, bool, bool]]:
@@ -143,7 +130,7 @@ def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, boo
         yield sympy.Add(*terms), kicks, drifts
 
 
-def hamiltonian_constant(scene: Scene) -> sympy.Expr:
+def energy_constant(scene: Scene) -> sympy.Expr:
     """The constant terms of a Hamiltonian, which the stages lack."""
     return sympy.Add(*(formula for formula, kicks, drifts in _separated(scene, None) if not (kicks or drifts)))
 

@@ -24,10 +24,10 @@ from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
 from bseries.analysis.order import Verdict, order_of, samples_of, trusted
 from bseries.analysis.structure import SEPARABLE, failing, hamiltonian_field
+from bseries.fields.differential_rings import MOST_MONOMIALS
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from bseries.scene_text import with_effects
 from foundation.table import Column, Table, as_frame, as_html
@@ -43,8 +43,7 @@ DIGITS = 100
 STEP = "1e-33"
 NOISE = 1e-50
 """Relative size of a zero defect: difference quotients leave about 1e-66, and small masses or distances leave more."""
-FURTHER = 3
-"""Orders beyond that of the method that are tested by default."""
+FURTHER = 3  # orders beyond that of the method that are tested by default
 
 
 class HamiltonianVerdict(NamedTuple):
@@ -117,11 +116,7 @@ class HamiltonianVerdict(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """The verdict as plain data."""
-        general = self.general and {
-            "hamiltonians": self.kind,
-            "order": self.general.order,
-            "breaks": self.broken_tree,
-        }
+        general = self.general and {"hamiltonians": self.kind, "order": self.general.order, "breaks": self.broken_tree}
         return {"tested_to": self.tested_to, "general": general, "order": self.order, "holds": self.holds}
 
     def to_table(self, effects: Sequence[str] = ()) -> Table:
@@ -194,16 +189,7 @@ def hamiltonian_verdict(
     return HamiltonianVerdict(name_of(method), scene.name, general, kind, names, here, field.order)
 
 
-def verdict_beyond(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> HamiltonianVerdict:
-    """The verdict for the terms of an order and, unless symplecticity is proved, for some later terms."""
-    if isinstance(method, BSeries):
-        return hamiltonian_verdict(method, scene, parts=parts)
-    if not _is_proved_symplectic(method, modified_field(method, scene, 1, parts=parts)):
-        order = max(order + 1, order_of(method) + FURTHER)
-    return hamiltonian_verdict(method, scene, order, parts=parts)
-
-
-def _is_proved_symplectic(method: Method, field: SceneSeries) -> bool:
+def is_proved_symplectic(method: Method, field: SceneSeries) -> bool:
     """Whether a method is symplectic on a scene at all orders, by HLW, theorems VI.4.3 and VI.4.6, or as flows."""
     pieces, scene = field.trees.pieces, field.scene
     in_blocks = pieces[0].blocks is not None
@@ -247,19 +233,14 @@ def hamiltonian_order(f: SceneSeries) -> int:
     structure = structure_matrix(f.scene)
     numbers = [*f.scene.parameter_values.values(), *f.weights]
     if not any(getattr(x, "free_symbols", ()) for x in numbers):
-        return _first_violation(f, structure)
+        with mpmath.workdps(DIGITS):  # the first term with a defect at a random point
+            samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
+            residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
+            return min(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]), default=f.order)
     with refusing_large(MOST_MONOMIALS):
         inverse = inverse_structure(f)
         holds = (is_gradient(f.formulas.ring, covector(f, inverse, k)) for k in range(f.order))
         return next((k for k, holds_here in enumerate(holds) if not holds_here), f.order)
-
-
-def _first_violation(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> int:
-    """The power of h of the first term with a defect at a random point; the order if there is none."""
-    with mpmath.workdps(DIGITS):
-        samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
-        residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
-        return min(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]), default=f.order)
 
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
@@ -270,9 +251,6 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
     y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
     u, v = ([mpmath.mpf(random.uniform(-1, 1)) for _ in y] for _ in range(2))
 
-    def matrix(y: Sequence[Any]) -> list[list[Any]]:
-        return entries(*y)
-
     def derivative(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
         ahead, behind = ([a + s * d for a, d in zip(y, direction, strict=True)] for s in (step, -step))
         return [
@@ -280,11 +258,10 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
             for rows in zip(function(ahead), function(behind), strict=True)
         ]
 
-    here = matrix(y)
-    bv, bu = ([mpmath.fdot(row, x) for row in here] for x in (v, u))
+    bv, bu = ([mpmath.fdot(row, x) for row in entries(*y)] for x in (v, u))
     found = []
     for value, first, second in zip(terms(y), derivative(terms, bv), derivative(terms, bu), strict=True):
-        varied = [mpmath.fdot(row, v) for row in derivative(matrix, value)]
+        varied = [mpmath.fdot(row, v) for row in derivative(lambda y: entries(*y), value)]
         parts = mpmath.fdot(u, first), -mpmath.fdot(v, second), -mpmath.fdot(u, varied)
         found.append((mpmath.fsum(parts), mpmath.fsum(parts, absolute=True)))
     return found

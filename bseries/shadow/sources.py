@@ -22,8 +22,8 @@ from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, field_lines
 from integrators.core.text_files import read_lines
 from integrators.runs.trajectory import Trajectory
-from integrators.scenes.files import scene_from_table
 from integrators.scenes.particles.parts import Piece, degrees
+from integrators.scenes.text import scene_from_table
 
 Columns: TypeAlias = Mapping[str, np.ndarray]
 """Consecutive states by role: t, U (steps,); q, p, v, F, gradU (steps, coordinates)."""

@@ -16,8 +16,7 @@ from integrators.compile.modules import load_module
 from integrators.compile.particle_loops import INDICES, SiteSum, entry, zeros
 from integrators.compile.printer import KEPT, ModuleText
 from integrators.scenes.model.system import LocalTerm, Output, System, output_formula
-from integrators.scenes.particles.expansion import filled, flat_hamiltonian
-from integrators.scenes.particles.local_form import constant_terms
+from integrators.scenes.particles.expansion import constant_terms, filled, flat_hamiltonian
 
 
 def compiled_scene(scene: System) -> ModuleType:

@@ -29,7 +29,14 @@ def plug_in_entries(group: str, kind: type, taken: Collection[str], check: Calla
     found: list[Any] = []
     for point in sorted(entry_points(group=group)):
         try:
-            entries = _checked(point.load(), kind, {*taken, *index_by_name(found)}, check)
+            entries, known = point.load(), {*taken, *index_by_name(found)}
+            if not isinstance(entries, tuple | list) or not all(isinstance(entry, kind) for entry in entries):
+                raise TypeError(f"it must be a tuple or list of {kind.__name__}, but was {entries!r:.60}")
+            for name, (entry, _) in index_by_name(entries).items():
+                if name in known:
+                    raise ValueError(f"its names must be new, but {entry.name!r:.60} was there already")
+            for entry in entries:
+                check(entry)
         except Exception as error:  # the code of others may raise anything
             origin = point.dist.name if point.dist else point.value
             message = f"entry point {point.name!r} of {group} in {origin} must be usable, but was left out: {error}"
@@ -78,18 +85,6 @@ class Register:
     def index_with(self, *names: str) -> dict[str, tuple[Any, str]]:
         """The built-in entries by name if one of these names is among them, else all."""
         return self._built_in if any(name in self._built_in for name in names) else self.index
-
-
-def _checked(entries: Any, kind: type, taken: Collection[str], check: Callable[[Any], object]) -> list[Any]:
-    """The entries of one entry point."""
-    if not isinstance(entries, tuple | list) or not all(isinstance(entry, kind) for entry in entries):
-        raise TypeError(f"it must be a tuple or list of {kind.__name__}, but was {entries!r:.60}")
-    for name, (entry, _) in index_by_name(entries).items():
-        if name in taken:
-            raise ValueError(f"its names must be new, but {entry.name!r:.60} was there already")
-    for entry in entries:
-        check(entry)
-    return list(entries)
 
 
 def spelling(name: str) -> str:

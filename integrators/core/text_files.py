@@ -44,7 +44,12 @@ def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -
         raise IntegratorError(f"{shorten(label, 200)} must be a readable file, but was not: {reason}") from None
     if len(raw) > most:
         raise IntegratorError(f"{shorten(label, 200)} must have at most {most} bytes, but has more")
-    text = _decode(raw, label) if isinstance(raw, bytes) else raw
+    try:
+        text = raw.decode("utf-8-sig") if isinstance(raw, bytes) else raw
+    except UnicodeDecodeError as error:
+        raise IntegratorError(
+            f"{shorten(label, 200)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
+        ) from None
     if "\0" in text:
         raise IntegratorError(f"{shorten(label, 200)} must be text, but was binary")
     return text, label
@@ -67,15 +72,6 @@ def read_lines(file: IO[Any], label: str) -> Iterator[str]:
         if len(line) > MAX_BYTES:
             raise IntegratorError(f"{label} must have lines of at most {MAX_BYTES} bytes, but one has more")
         yield line.decode() if isinstance(line, bytes) else line
-
-
-def _decode(raw: bytes, label: str) -> str:
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise IntegratorError(
-            f"{shorten(label, 200)} must be UTF-8 text, but byte {error.start + 1} was 0x{raw[error.start]:02x}"
-        ) from None
 
 
 def atomic_write(path: str | os.PathLike[str], content: str | bytes) -> None:

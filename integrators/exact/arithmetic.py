@@ -5,7 +5,8 @@ Operations refuse their arguments by an `ArithmeticError` with the predicate of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import operator
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from math import lcm, prod
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -74,32 +75,24 @@ def _nesting(value: sympy.Basic) -> int:
 
 def add(terms: Sequence[Any]) -> Exact:
     """The sum of one term or more."""
-    if len(terms) == 1:
-        return terms[0]
-    total = Fraction(0)
-    for term in terms:
-        if not isinstance(term, Fraction):
-            import sympy
-
-            return bounded(sympy.Add(*terms))
-        total += term
-        bounded(total)
-    return total
+    return _combined(terms, operator.add, "Add")
 
 
 def multiply(factors: Sequence[Any]) -> Exact:
-    """The product of one factor or more, in one operation: SymPy's form of a product depends on the grouping."""
-    if len(factors) == 1:
-        return factors[0]
-    product = Fraction(1)
-    for factor in factors:
-        if not isinstance(factor, Fraction):
+    """The product of one factor or more."""
+    return _combined(factors, operator.mul, "Mul")
+
+
+def _combined(values: Sequence[Any], operation: Callable[[Any, Any], Any], name: str) -> Exact:
+    """A sum or product, by SymPy in one operation: its form of a product depends on the grouping."""
+    total = values[0]
+    for value in values[1:]:
+        if not (isinstance(total, Fraction) and isinstance(value, Fraction)):
             import sympy
 
-            return bounded(sympy.Mul(*factors))
-        product *= factor
-        bounded(product)
-    return product
+            return bounded(getattr(sympy, name)(*values))
+        total = bounded(operation(total, value))
+    return total
 
 
 def invert(value: Exact) -> Exact:
@@ -131,9 +124,9 @@ def _fractional_power(base: Exact, exponent: Fraction) -> Exact:
     if _sign(base) < 0:
         raise ArithmeticError("has a fractional power of a negative number (an odd root is written root(x, n))")
     if isinstance(base, Fraction):
-        rational = _rational_root(base, exponent.denominator)
-        if rational is not None:
-            return power(rational, Fraction(exponent.numerator))
+        numerator, denominator = (_integer_root(part, exponent.denominator) for part in base.as_integer_ratio())
+        if numerator is not None and denominator is not None:
+            return power(Fraction(numerator, denominator), Fraction(exponent.numerator))
     import sympy
 
     if exponent * (_bits(base) - 1) > MAX_BITS:
@@ -163,12 +156,6 @@ def _sign(value: Exact) -> int:
     if value.is_negative is None:
         raise ArithmeticError("has a root of a number whose sign cannot be decided")
     return -1 if value.is_negative else 1
-
-
-def _rational_root(value: Fraction, degree: int) -> Fraction | None:
-    """The root of a non-negative number; None if it is irrational."""
-    numerator, denominator = _integer_root(value.numerator, degree), _integer_root(value.denominator, degree)
-    return None if numerator is None or denominator is None else Fraction(numerator, denominator)
 
 
 def _integer_root(value: int, degree: int) -> int | None:

@@ -138,15 +138,8 @@ def compare(left: Any, relation: str, right: Any, a: Any, b: Any) -> Any:
         where(x - 1 > 0, 1, x)
     """
     x, a, b = (sympy.sympify(value, strict=True) for value in (left - right, a, b))
-    match relation:
-        case ">":
-            return Where(x, a, b)
-        case "<":
-            return Where(-x, a, b)
-        case ">=":
-            return Where(-x, b, a)
-        case _:
-            return Where(x, b, a)
+    positive = x if relation in (">", "<=") else -x
+    return Where(positive, a, b) if relation in (">", "<") else Where(positive, b, a)
 
 
 def extreme(name: str, values: Sequence[Any]) -> Any:

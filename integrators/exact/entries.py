@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from math import fsum, inf, isfinite
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import sympy
 
 Entry: TypeAlias = "Fraction | float | sympy.Expr"
+EntryRow: TypeAlias = tuple[Entry, ...]
+Matrix: TypeAlias = tuple[EntryRow, ...]
 FLOAT_PRECISION = 2.0**-50
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 
@@ -97,8 +99,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
         return sum(terms, Fraction(0))
     import sympy
 
-    total = sympy.expand(sympy.Add(*terms))
-    return Fraction(int(total.p), int(total.q)) if isinstance(total, sympy.Rational) else total
+    return _normal(sympy.expand(sympy.Add(*terms)))
 
 
 def multiply_entries(x: Any, y: Any) -> Any:
@@ -116,8 +117,11 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
-    product = sympy.expand(first * second)
-    return Fraction(int(product.p), int(product.q)) if isinstance(product, sympy.Rational) else product
+    return _normal(sympy.expand(first * second))
+
+
+def _normal(value: sympy.Expr) -> Entry:
+    return Fraction(int(value.p), int(value.q)) if value.is_Rational else value  # type: ignore[attr-defined]
 
 
 def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
@@ -179,8 +183,3 @@ def find_domain(values: Iterable[Entry]) -> str:
 def symbol_names(values: Iterable[Entry]) -> tuple[str, ...]:
     """The names of the symbols in the entries, sorted."""
     return tuple(sorted({str(symbol) for value in values if is_sympy(value) for symbol in value.free_symbols}))  # type: ignore[union-attr]
-
-
-def substitute(value: Entry, replacements: Mapping[Any, Any], argument: str) -> Entry:
-    """An entry with its symbols replaced by SymPy objects."""
-    return read_entry(value.xreplace(replacements), argument) if is_sympy(value) else value  # type: ignore[union-attr]

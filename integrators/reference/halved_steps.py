@@ -69,37 +69,32 @@ def settled_solution(
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MOST_DIGITS}", 1, MOST_DIGITS)
     start, origin = read_start(scene, y0, t0)
     times, wanted = with_checks(read_times(t, origin), origin)
-    high, error = _settled(scene, [*map(float, start)], float(origin), [*map(float, times)], digits)
-    return ReferenceSolution(high[:, wanted], np.zeros((len(high), len(wanted))), error[:, wanted])
-
-
-def _settled(
-    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], digits: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The solution at times in one direction from the origin, and bounds of its errors, both (variables, times)."""
+    problem = scene, [*map(float, start)], float(origin), [*map(float, times)]
     known: np.ndarray | None = None
     found: tuple[np.ndarray, np.ndarray] | None = None
     failed: StepError | None = None
     for halving in range(MOST_HALVINGS + 1):
         try:
-            values, nudged = (_solution(scene, y0, origin, times, halving, nudge) for nudge in (0, 1))
+            values, nudged = (_solution(*problem, halving, nudge) for nudge in (0, 1))
         except StepError as error:
             known, failed = None, error
             continue
         if known is not None:
             of_steps, of_rounding = (np.maximum.accumulate(np.abs(values - x), axis=1) for x in (known, nudged))
-            sizes = _sizes(values, scene)
+            blocks = ((b.dimension, np.abs(values[b.offset : b.end]).max()) for b in scene.blocks)
+            sizes = np.concatenate([np.full(size, largest) for size, largest in blocks])[:, None]
             found = values, SAFETY * (of_steps + of_rounding + UNIT * np.abs(values))
-            least = max(10.0**-digits / SAFETY, SETTLED * UNIT) * sizes
+            least = max(10.0**-digits / SAFETY, SETTLED * UNIT) * np.maximum(sizes, np.finfo(float).tiny)
             if (of_steps[:, -1:] <= np.maximum(SAFETY * of_rounding[:, -1:], least)).all():
                 break
         known = values
     if found is None:
         raise IntegratorError(
             f"t must end where {FIRST_STEPS << MOST_HALVINGS} steps of {METHOD} reach the solution of {scene.name}, "
-            f"but reached to {times[-1]:g}: {failed}"
+            f"but reached to {float(times[-1]):g}: {failed}"
         ) from failed
-    return found
+    high, error = found
+    return ReferenceSolution(high[:, wanted], np.zeros((len(high), len(wanted))), error[:, wanted])
 
 
 def _solution(
@@ -119,9 +114,3 @@ def _solution(
             y = y * (1 + nudge * NUDGE * random.choice([-1.0, 1.0], len(y)))
         values[:, k] = y
     return values
-
-
-def _sizes(values: np.ndarray, scene: Scene) -> np.ndarray:
-    """The largest value of the block of each variable, (variables, 1)."""
-    rows = [np.full(block.dimension, np.abs(values[block.offset : block.end]).max()) for block in scene.blocks]
-    return np.maximum(np.concatenate(rows), np.finfo(float).tiny)[:, None]

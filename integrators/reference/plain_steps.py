@@ -1,29 +1,35 @@
-"""Steps of any method by definition, evaluation by evaluation, in doubles or any precision.
+"""Steps of any method by definition, evaluation by evaluation, in doubles or with mpmath numbers of any precision.
 
-Slow; the oracle that compiled steppers are compared with.
+Slow; the oracle that compiled steppers are compared with. Vectors are NumPy arrays.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, partial
 from typing import Any
 
 import mpmath
 import numpy as np
 
-from integrators.core.arguments import MOST_STEPS, items, read_whole
+from integrators.core.arguments import MOST_STEPS, check_digits, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.exact.entries import is_sympy, read_entry
 from integrators.exact.polynomials import gauss_legendre
 from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, LinearForm, operands
 from integrators.methods.programs.program import Method, Program
-from integrators.reference.arbitrary_precision import Arithmetic, Vector
 
+Vector = np.ndarray[Any, Any]
 Function = Callable[..., Any]
 Right = Callable[[Any, Vector], Vector]
 ByPart = Function | Mapping[str, Function] | Sequence[Function]
 
+GUARD_DIGITS = 10
+"""Extra digits of mpmath numbers."""
+MOST_BITS = 4000
+"""mpmath numbers do not overflow, but a value of 2^4000, or 10^1204, has diverged."""
 COMPLEX_STEP = 1e-50
 MOST_HALVINGS = 12
 NODES = (3, 6, 12, 24, 48, 96)
@@ -33,16 +39,110 @@ PATIENCE = 3
 """Iterations without a smaller increment after which the iteration has stagnated or diverges."""
 
 
+class Arithmetic:
+    """The numbers to compute with: doubles, or mpmath numbers with guard digits.
+
+    Args:
+        digits: The number of decimal digits; None for doubles.
+
+    Raises:
+        IntegratorError: `digits` is neither None nor an integer from 1 to 1000.
+
+    Example:
+        >>> arithmetic = Arithmetic(30)
+        >>> with arithmetic.working():
+        ...     third = arithmetic.read(["1/3"], "y")
+        >>> print(arithmetic.rounded(third)[0])
+        0.333333333333333
+        >>> abs(3 * arithmetic.rounded(third)[0] - 1) < 1e-29
+        True
+    """
+
+    def __init__(self, digits: int | None = None) -> None:
+        check_digits(digits)
+        self.digits = digits
+        self.decimals = 16 if digits is None else digits + GUARD_DIGITS
+        self.context: Any = mpmath.fp if digits is None else mpmath.mp
+        self._largest: Any = math.inf if digits is None else mpmath.ldexp(1, MOST_BITS)
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """A context for computations in this arithmetic."""
+        with np.errstate(all="ignore"), mpmath.workdps(self.decimals):  # results are checked to be finite
+            yield
+
+    def number(self, value: Any, argument: str) -> Any:
+        """A finite number: a real number of any kind, or a formula without symbols."""
+        if not hasattr(value, "_mpf_") and not is_sympy(value):
+            value = read_entry(value, argument)
+        if is_sympy(value):
+            if value.free_symbols:
+                raise IntegratorError(
+                    f"{argument} must be a number, but has the symbol {min(map(str, value.free_symbols))}"
+                )
+            value = value.evalf(self.decimals + GUARD_DIGITS)
+        try:
+            number = +self.context.convert(value)
+        except OverflowError:
+            number = math.inf
+        if not self.is_finite([number]):
+            raise IntegratorError(f"{argument} must be a finite number, but was {shorten(str(value))}")
+        return number
+
+    def vector(self, values: Any) -> Vector:
+        """A vector of numbers of this arithmetic."""
+        return np.array(values, dtype=float if self.digits is None else object)
+
+    def read(self, values: Any, argument: str) -> Vector:
+        """A vector from an argument of the user."""
+        numbers = items(values, argument)
+        if not numbers:
+            raise IntegratorError(f"{argument} must hold at least one number, but was empty")
+        return self.vector([self.number(value, f"{argument}[{i}]") for i, value in enumerate(numbers, 1)])
+
+    def received(self, values: Any, dimension: int, argument: str) -> Vector:
+        """A vector from a function of the user; components that are not real become NaN."""
+        given, numbers = items(values, argument), []
+        if len(given) != dimension:
+            raise IntegratorError(f"{argument} must give {dimension} numbers, but gave {shown(values)}")
+        for value in given:
+            if self.digits is not None and isinstance(value, float) and math.isfinite(value) and not value.is_integer():
+                raise IntegratorError(
+                    f"{argument} must compute with mpmath for {self.digits} digits, but gave the float {value!r}"
+                )
+            try:
+                number = +self.context.convert(value)
+            except (TypeError, ValueError):
+                raise IntegratorError(f"{argument} must give numbers, but gave {shown(value)}") from None
+            numbers.append(math.nan if isinstance(number, self.context.mpc) else number)
+        return self.vector(numbers)
+
+    def is_finite(self, *vectors: Iterable[Any]) -> bool:
+        """Whether all components are finite, and below 2^MOST_BITS for mpmath."""
+        return all(abs(x) < self._largest for vector in vectors for x in vector)
+
+    def solve(self, matrix: Vector, right: Vector) -> Vector | None:
+        """The solution of a linear system; None if the matrix is singular or not finite."""
+        context = self.context
+        if not self.is_finite(*matrix):
+            return None
+        try:
+            return self.vector(list(context.lu_solve(context.matrix(matrix.tolist()), context.matrix(right.tolist()))))
+        except ZeroDivisionError:
+            return None
+
+    def rounded(self, vector: Iterable[Any]) -> Vector:
+        """The vector without guard digits."""
+        if self.digits is None:
+            return self.vector(vector)
+        with mpmath.workdps(self.digits):
+            return self.vector([+mpmath.mpmathify(x) for x in vector])
+
+
 def plain_step(
-    method: Method,
-    field: ByPart,
-    y: Sequence[Any],
-    h: Any,
-    *,
-    derivative: ByPart | None = None,
-    flows: ByPart | None = None,
-    digits: int | None = None,
-) -> Vector:
+    method: Method, field: ByPart, y: Sequence[Any], h: Any, *, derivative: ByPart | None = None,
+    flows: ByPart | None = None, digits: int | None = None,
+) -> Vector:  # fmt: skip
     """One step of a method, computed from its definition.
 
     Implicit stages are found by fixed-point iteration, or else by Newton's method, until the increments stagnate; flows
@@ -60,18 +160,8 @@ def plain_step(
     return stepper.step(stepper.start)
 
 
-def plain_steps(
-    method: Method,
-    field: ByPart,
-    y: Sequence[Any],
-    h: Any,
-    steps: int,
-    *,
-    derivative: ByPart | None = None,
-    flows: ByPart | None = None,
-    digits: int | None = None,
-) -> Vector:
-    """Several steps of a method; the arguments and errors are those of `plain_step`.
+def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: int, **options: Any) -> Vector:
+    """Several steps of a method; the options and errors are those of `plain_step`.
 
     Example:
         >>> from integrators import method
@@ -79,7 +169,7 @@ def plain_steps(
         [[1.    0.5   0.25  0.125]]
     """
     read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
-    stepper = _Stepper(method, field, y, h, derivative, flows, digits)
+    stepper = _Stepper(method, field, y, h, **options)
     columns = [stepper.start]
     for n in range(1, steps + 1):
         try:
@@ -139,15 +229,9 @@ class _Stepper:
     """A method, a field, and a step size."""
 
     def __init__(
-        self,
-        method: Method,
-        field: ByPart,
-        y: Any,
-        h: Any,
-        derivative: ByPart | None,
-        flows: ByPart | None,
-        digits: int | None,
-    ) -> None:
+        self, method: Method, field: ByPart, y: Any, h: Any, derivative: ByPart | None = None,
+        flows: ByPart | None = None, digits: int | None = None,
+    ):  # fmt: skip
         self.arithmetic = arithmetic = Arithmetic(digits)
         if not isinstance(method, Method):
             raise IntegratorError(f"method must be a method, but was {shown(method)}")
@@ -178,11 +262,9 @@ class _Stepper:
     def _check_finite(self, what: str, vector: Vector) -> None:
         if not self.arithmetic.is_finite(vector):
             values = ", ".join(f"{float(x):g}" for x in vector[:3]) + ", …" * (len(vector) > 3)
-            raise IntegratorError(f"{what} of {self.program.name} must be finite, but was {values} with h = {self._h}")
-
-    @property
-    def _h(self) -> str:
-        return f"{float(self.h):g}"
+            raise IntegratorError(
+                f"{what} of {self.program.name} must be finite, but was {values} with h = {float(self.h):g}"
+            )
 
     def _point(self, form: LinearForm, y: Vector, k: Mapping[int, Vector]) -> Vector:
         """start · y + Σ x_e k_e."""
@@ -235,20 +317,17 @@ class _Stepper:
         raise IntegratorError(f"average of field must converge to {arithmetic.decimals} digits, but did not")
 
     def _derivative(self, part: int, y: Vector, v: Vector) -> Vector:
-        """(f^[part])′(y) v, as given or computed numerically."""
-        given, length = self.derivatives[part], _size(v)
-        if given is not None:
-            return self._call("derivative", given, y, v)
-        if length == 0:
-            return v * 0
-        return self._numerical_derivative(self.functions[part], y, v / length) * length
-
-    def _numerical_derivative(self, field: Any, y: Vector, v: Vector) -> Vector:
-        """A complex step in doubles, a difference with twice the digits otherwise.
+        """(f^[part])′(y) v, as given, or by a complex step in doubles, a difference with twice the digits otherwise.
 
         The first is wrong for fields that are not analytic or drop imaginary parts, the second for fields that round to
         fewer digits: a difference with a large step must agree.
         """
+        field, given, length = self.functions[part], self.derivatives[part], _size(v)
+        if given is not None:
+            return self._call("derivative", given, y, v)
+        if length == 0:
+            return v * 0
+        v = v / length
         if self.arithmetic.digits is None:
             try:
                 values = [complex(x).imag / COMPLEX_STEP for x in field(y + 1j * COMPLEX_STEP * v)]
@@ -267,7 +346,7 @@ class _Stepper:
             raise IntegratorError(
                 "derivative must be given for this field: two ways of computing it numerically do not agree"
             )
-        return found
+        return found * length
 
     def _call(self, argument: str, function: Any, *vectors: Vector) -> Vector:
         """The value of a function of the user; arithmetic errors give NaN."""
@@ -300,7 +379,7 @@ class _Stepper:
             if found is not None:
                 return split(found)
         names = f"{', '.join(f'k{e + 1}' for e in members[:3])}{', …' * (len(members) > 3)} of {self.program.name}"
-        raise IntegratorError(f"h must be small enough to solve for {names}, but was {self._h}: {reason}")
+        raise IntegratorError(f"h must be small enough to solve for {names}, but was {float(self.h):g}: {reason}")
 
 
 def _components(program: Program) -> list[tuple[list[int], bool]]:

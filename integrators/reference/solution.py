@@ -20,7 +20,7 @@ from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from integrators.reference.taylor_program import TaylorProgram
+    from integrators.reference.taylor_series import TaylorProgram
 
 MAX_DIGITS = 31
 LARGEST = 10**300
@@ -35,6 +35,7 @@ CHECKS = 16
 PERTURBATION = 2.0**-104
 """Relative change of each variable of the first solution after each step, larger than rounding errors."""
 SAFETY = 4.0
+"""Factor of the bounds: differences of two solutions are estimates of their errors."""
 WORK = 3e8
 """Operations on coefficients in one call of compiled code: about a second, the delay of Ctrl-C."""
 MOST_WORK = 1e10
@@ -138,29 +139,16 @@ def reference_solution(
     """
     scene = as_scene(scene)
     digits = read_whole(digits, "digits", f"a whole number from 1 to {MAX_DIGITS}", 1, MAX_DIGITS)
-    from integrators.reference.double_double import split
-    from integrators.reference.taylor_program import taylor_program
+    from integrators.reference.taylor_series import split, taylor_program
 
     program = taylor_program(scene)
     start, origin = read_start(scene, y0, t0)
     times = read_times(t, origin)
     checked, wanted = with_checks(times, origin)
     y, elapsed = np.array([split(x) for x in start]), np.array([split(x - origin) for x in checked])
-    try:
-        first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION)
-        second = _solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0)
-    except Stuck as stuck:
-        end = float(origin) + stuck.args[0]
-        raise IntegratorError(
-            f"t must end before {end:.10g}, beyond which the solution of {scene.name} could not be continued, "
-            f"but reached to {float(times[-1]):.10g}"
-        ) from None
-    except TooManySteps as refused:
-        needed, most = refused.args
-        raise IntegratorError(
-            f"t must end sooner, as the steps of {scene.name} are so short that {float(times[-1]):.10g} would take "
-            f"about {needed:.1e} of them, and at most {most:.1e} are allowed"
-        ) from None
+    about = scene.name, float(origin), float(times[-1])
+    first = _solve(program, y, elapsed, digits, FIRST_UNITS[0], PERTURBATION, about)
+    second = _solve(program, y, elapsed, digits + 2, FIRST_UNITS[1], 0.0, about)
     apart = np.abs((first[..., 0] - second[..., 0]) + (first[..., 1] - second[..., 1]))
     relative = np.divide(apart, second[..., 2], out=np.zeros_like(apart), where=apart > 0)
     error = SAFETY * np.maximum(np.maximum.accumulate(relative, axis=1), PERTURBATION) * second[..., 2]
@@ -182,56 +170,53 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
         >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
         0.176
     """
-    from integrators.reference import taylor_kernels as kernels
-    from integrators.reference.double_double import split
-    from integrators.reference.taylor_program import taylor_program
+    from integrators.reference import taylor_series as taylor
 
     start, _ = read_start(scene, y0, None)
-    program, y = taylor_program(scene), np.array([split(x) for x in start])
-    order, times = order_for(digits), np.array([[span, 0.0]])
+    program, y = taylor.taylor_program(scene), np.array([taylor.split(x) for x in start])
+    order, times = _order(digits), np.array([[span, 0.0]])
     series, state = _initial_series(program, y, times, order, 1.0)
-    status, values = kernels.RUNNING, np.empty((program.dimension, 1, 3))
-    while status == kernels.RUNNING and not state[0]:
-        _, status = kernels.advance(program, series, state, order, 0.0, 1, times, 0, values)
-    if status == kernels.STUCK and (shorter := abs(float(state[2]))):  # a step is sought from there
+    status, values = taylor.RUNNING, np.empty((program.dimension, 1, 3))
+    while status == taylor.RUNNING and not state[0]:
+        _, status = taylor.advance(program, series, state, order, 0.0, 1, times, 0, values)
+    if status == taylor.STUCK and (shorter := abs(float(state[2]))):  # a step is sought from there
         return first_step(scene, shorter, y0=y0, digits=digits)
     return float(state[0]) or span
 
 
-class Stuck(Exception):
-    """No step is possible; the argument is the time since the start."""
-
-
-class TooManySteps(Exception):
-    """Steps are too short; the arguments are their approximate number, and the number allowed."""
-
-
 def _solve(
-    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float
-) -> np.ndarray:
+    program: TaylorProgram, y: np.ndarray, times: np.ndarray, digits: int, first_unit: float, perturbation: float,
+    about: tuple[str, float, float],
+) -> np.ndarray:  # fmt: skip
     """The solution at times since the start, which have one sign and increase in size, and the size of each variable.
 
     Numbers are double-double; the size is the sum of the absolute terms of the series around each time. The error of a
     step is below 10^−digits of each variable, apart from rounding. `perturbation` is a relative change of each variable
     after each step, of random sign, and a relative extension of steps: they show the growth of random and of systematic
-    errors.
+    errors. `about` is the name of the scene, the time of the start, and the last time, for messages.
     """
-    from integrators.reference import taylor_kernels as kernels
+    from integrators.reference import taylor_series as taylor
 
-    order = order_for(digits)
+    order = _order(digits)
     series, state = _initial_series(program, y, times, order, first_unit)
-    values = np.empty((program.dimension, len(times), 3))
+    values, (name, origin, end) = np.empty((program.dimension, len(times), 3)), about
     work = len(series) * order**2
     steps, most = max(1, int(WORK / work)), MOST_WORK / work
-    index, status, done = 0, kernels.RUNNING, 0
-    while status == kernels.RUNNING:
-        index, status = kernels.advance(program, series, state, order, perturbation, steps, times, index, values)
+    index, status, done = 0, taylor.RUNNING, 0
+    while status == taylor.RUNNING:
+        index, status = taylor.advance(program, series, state, order, perturbation, steps, times, index, values)
         done += steps
-        needed = done * (times[-1, 0] / state[0]) if status == kernels.RUNNING and done >= LEAST_STEPS else 0.0
+        needed = done * (times[-1, 0] / state[0]) if status == taylor.RUNNING and done >= LEAST_STEPS else 0.0
         if needed > most:
-            raise TooManySteps(needed, most)
-    if status == kernels.STUCK:
-        raise Stuck(float(state[0]))
+            raise IntegratorError(
+                f"t must end sooner, as the steps of {name} are so short that {end:.10g} would take about {needed:.1e} "
+                f"of them, and at most {most:.1e} are allowed"
+            )
+    if status == taylor.STUCK:
+        raise IntegratorError(
+            f"t must end before {origin + float(state[0]):.10g}, beyond which the solution of {name} could not be "
+            f"continued, but reached to {end:.10g}"
+        )
     return values
 
 
@@ -245,14 +230,14 @@ def _initial_series(
     return series, np.array([0.0, 0.0, copysign(ldexp(first_unit, frexp(span)[1]), span)])
 
 
-def order_for(digits: int) -> int:
+def _order(digits: int) -> int:
     """The order at which a step of radius/e² has the error 10^−digits (Jorba and Zou, 2005, section 3.2)."""
     return ceil(1 + digits * log(10) / 2)
 
 
 def _read_number(value: Any, argument: str) -> Fraction:
     """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
-    from integrators.reference.taylor_program import fraction_of
+    from integrators.reference.taylor_series import fraction_of
 
     if isinstance(value, str) or is_sympy(value):  # as in scenes: pi/2, cos(11/10)
         names = () if isinstance(value, str) else symbol_names([value])

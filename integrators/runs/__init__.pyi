@@ -1,7 +1,7 @@
 from .ensemble_results import EnsembleResult as EnsembleResult
 from .ensemble_results import load_ensemble as load_ensemble
+from .ensembles import cluster_executor as cluster_executor
 from .ensembles import ensemble as ensemble
-from .executors import cluster_executor as cluster_executor
 from .integration import integrate as integrate
 from .random_starts import perturbed_start as perturbed_start
 from .random_starts import thermal_momenta as thermal_momenta

@@ -209,10 +209,11 @@ class EnsembleResult(Tabular):
         self.series = {name: whole.series[:, :, k] for k, name in enumerate(self.names)}
         self.final: np.ndarray = whole.ends
 
+        self._about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}"
+
     def __repr__(self) -> str:
-        about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}"
         failed = f", {len(self.failures)} failed" if self.failures else ""
-        return f"<EnsembleResult {about}: {self.meta['members']} members{failed}, {len(self.t)} times>"
+        return f"<EnsembleResult {self._about}: {self.meta['members']} members{failed}, {len(self.t)} times>"
 
     def to_table(self) -> Table:
         """Statistics of each quantity; CSV has them at all times."""
@@ -220,9 +221,8 @@ class EnsembleResult(Tabular):
         records = list(_records(self))
         facts = {"schema": 1, "kind": "ensemble", "h": h, "steps": steps, "t": times, "members": self.meta["members"]}
         facts["failures"] = [{"member": f.member, "step": f.step, "t": f.t, "reason": f.reason} for f in self.failures]
-        about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}"
         return Table(
-            f"{about}: {self.meta['members']:,} runs of {steps:,} steps of {h:g}, to t = {times[1]:g}",
+            f"{self._about}: {self.meta['members']:,} runs of {steps:,} steps of {h:g}, to t = {times[1]:g}",
             MEANS,
             records,
             list(_notes(self)),
@@ -265,15 +265,10 @@ class EnsembleResult(Tabular):
                 axes.plot(self.t, member, color=GREY, linewidth=0.4, label=label)
             axes.plot(self.t, mean, color=BLUE, label="mean")
             draw_legend(axes)
-            about = f"{self.meta['method']['name']} on {self.meta['scene']['name']}: {self.meta['members']:,} members"
-            write_title(axes, about)
-            axes.set(xlabel=axis_label("t"), ylabel=self._label(name))
+            write_title(axes, f"{self._about}: {self.meta['members']:,} members")
+            kind = self.meta["change"][self.names.index(name)]
+            axes.set(xlabel=axis_label("t"), ylabel=f"{kind} change of {name}" if kind else name)
         return axes
-
-    def _label(self, name: str) -> str:
-        """The quantity, with the kind of change that is drawn."""
-        kind = dict(zip(self.names, self.meta["change"], strict=True)).get(name)
-        return f"{kind} change of {name}" if kind else name
 
     def to_pandas(self) -> Any:
         """A ``pandas.DataFrame`` by time, with columns (quantity, statistic).

@@ -1,23 +1,25 @@
-"""Ensembles: runs of one method on one scene from many starts, on all cores or a cluster."""
+"""Ensembles: runs of one method on one scene from many starts, on threads, processes or a cluster."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import pickle
+import signal
 import sys
 import warnings
-from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
-from contextlib import closing, suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache, partial
 from itertools import repeat
 from time import monotonic
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from foundation.extras import optional_module
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
@@ -35,7 +37,6 @@ from integrators.runs.ensemble_results import (
     merged_blocks,
     save_block,
 )
-from integrators.runs.executors import check_executor, results_in_order
 from integrators.runs.integration import OutputSteps
 from integrators.runs.observers import Observers, observers
 from integrators.runs.storage import description, identity
@@ -44,6 +45,11 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import Stepper, stepper
 
+T = TypeVar("T")
+
+KINDS = ("threads", "processes")
+MOST_LOSSES = 3
+"""The number of successive pools that may break before a task is finished."""
 PATIENCE = 0.1
 """Seconds between checks whether the ensemble was cancelled."""
 
@@ -279,7 +285,10 @@ def ensemble(
     """
     method = as_method(method)
     scene = as_scene(scene)
-    check_executor(executor, workers)
+    if not isinstance(executor, Executor) and executor not in KINDS:
+        what = f"executor must be {', '.join(map(repr, KINDS))} or a concurrent.futures.Executor"
+        raise IntegratorError(f"{what}, but was {shorten(repr(executor))}")
+    _check_workers(workers)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
     compiled, observer = stepper(method, scene, parts=parts, **numerics), observers(scene, observe)
     origin = compiled.start([0.0] * scene.dimension, h=h, t0=t0)
@@ -304,17 +313,12 @@ def ensemble(
         whole = merged_blocks(blocks)
     t = work.t0 + work.h * work.step_numbers
     result = EnsembleResult(t, observer.names, whole, description(compiled, observer, options))
-    _warn_of_nonfinite_means(result)
-    return result
-
-
-def _warn_of_nonfinite_means(result: EnsembleResult) -> None:
-    """Warn of the first time at which the mean of a quantity is not finite."""
     for name, mean in result.mean.items():
         for k in np.flatnonzero((result.count > 0) & ~np.isfinite(mean))[:1]:
-            at = f"the mean over members was {mean[k]} at t = {result.t[k]:g}"
+            at = f"the mean over members was {mean[k]} at t = {t[k]:g}"
             message = f"{name} must be finite at the states that are observed, but {at}"
-            warnings.warn(message, RuntimeWarning, stacklevel=3)
+            warnings.warn(message, RuntimeWarning, stacklevel=2)
+    return result
 
 
 def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndarray | None, int]:
@@ -409,3 +413,107 @@ def _blocks(
                 yield block
         finally:
             work.is_stopped = True
+
+
+def results_in_order(
+    executor: Executor | str, workers: int | None, function: Callable[..., T], tasks: Sequence[tuple[Any, ...]]
+) -> Generator[T, None, None]:
+    """Results of a function for the arguments of each task, in the order of the tasks.
+
+    If workers of a pool created here are lost, a new one runs the unfinished tasks; other executors stay open, and
+    repeat tasks themselves, if at all.
+    """
+    losses, distributed = 0, sys.modules.get("distributed")
+    lost = (BrokenExecutor,) if distributed is None else (BrokenExecutor, distributed.KilledWorker)
+    while tasks:
+        try:
+            with _opened(executor, workers) as pool, closing(pool.map(function, *zip(*tasks, strict=True))) as results:
+                for result in results:
+                    yield result
+                    tasks, losses = tasks[1:], 0
+        except lost as error:
+            losses += 1
+            if isinstance(executor, Executor) or losses == MOST_LOSSES:
+                raise IntegratorError(
+                    "executor must have working processes, but they ended (a script must start its work under "
+                    f"`if __name__ == '__main__':`): {shorten(str(error), 200)}"
+                ) from None
+
+
+@contextmanager
+def _opened(executor: Executor | str, workers: int | None) -> Iterator[Any]:
+    """The executor given, or a pool of threads or of spawned processes; a fork would copy locks of other threads."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    if isinstance(executor, Executor):
+        yield executor
+        return
+    count = workers or available_cores()
+    if executor == "threads":
+        pool: Executor = ThreadPoolExecutor(count)
+    else:  # Ctrl-C ends a worker without a traceback: the parent reports it
+        pool = ProcessPoolExecutor(count, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)  # Python 3.11 prints a traceback if a pool breaks with cancelled tasks
+
+
+def _check_workers(workers: Any) -> None:
+    """Refuse numbers of workers that are not positive."""
+    if workers is not None and (type(workers) is not int or workers < 1):
+        raise IntegratorError(f"workers must be a positive integer, but was {shorten(repr(workers))}")
+
+
+def available_cores() -> int:
+    """The number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def cluster_executor(address: str | None = None, *, workers: int | None = None) -> Iterator[Executor]:
+    """An executor on a Dask cluster, local or remote, which repeats the tasks of lost workers.
+
+    Args:
+        address: The address of a scheduler, such as ``"tcp://10.0.0.1:8786"``; by default a local cluster is started,
+            and stopped at the end.
+        workers: The number of processes of a local cluster; by default the number of cores available to this process.
+
+    Yields:
+        The executor, for `ensemble` and every other function that accepts one.
+
+    Raises:
+        IntegratorError: Dask is not installed, there is no scheduler at the address, or both arguments are given.
+
+    Example:
+        >>> from integrators import scene
+        >>> with cluster_executor("tcp://10.0.0.1:8786") as cluster:  # doctest: +SKIP
+        ...     result = ensemble("gauss3", scene("kepler"), h=0.01, steps=10**6, y0=starts, executor=cluster)
+
+    References:
+        M. Rocklin, Proc. 14th Python in Science Conf. (2015) 126–132, doi:10.25080/Majora-7b98e3ed-013.
+    """
+    distributed = optional_module("distributed", "a cluster")
+    _check_workers(workers)
+    if address is not None:
+        if workers is not None:
+            raise IntegratorError("workers must be left out where a scheduler has its own, but was given")
+        try:
+            client = distributed.Client(address, timeout="10s")
+        except (OSError, ValueError, TypeError) as error:
+            reason = shorten(str(error) or type(error).__name__, 120)
+            raise IntegratorError(
+                f"scheduler must be the address of one that runs, but was {shorten(repr(address))}: {reason}"
+            ) from None
+        with client:
+            yield client.get_executor(pure=False)
+        return
+    options: Any = {"threads_per_worker": 1, "dashboard_address": ":0", "memory_limit": 0, "silence_logs": 50}
+    with (
+        distributed.LocalCluster(n_workers=workers or available_cores(), **options) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client.get_executor(pure=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from time import monotonic
 from typing import Any, NamedTuple
@@ -70,9 +70,9 @@ class Run:
         state = self.state
         counts = Counts(*(int(not is_end or not grid.includes(state.n)) for grid in self._grids))
         rows = self.recording.room(counts)
-        rows.y[:], rows.t[:] = state.y, state.t
-        if counts.observed and rows.observed is not None and rows.observed_t is not None:
-            rows.observed[:], rows.observed_t[:] = self.observer(state.t, state.y), state.t
+        rows["y"][:], rows["t"][:] = state.y, state.t
+        if counts.observed and "observed" in rows:
+            rows["observed"][:], rows["observed_t"][:] = self.observer(state.t, state.y), state.t
         self._add(rows, counts)
 
     def advance(self, steps: int) -> int:
@@ -85,9 +85,9 @@ class Run:
         rows = self.recording.room(self._between(before, before + steps))
         try:
             self.stepper.record(
-                state, steps, y_every=stored.every or 0, y_rows=rows.y, y_times=rows.t,
+                state, steps, y_every=stored.every or 0, y_rows=rows["y"], y_times=rows["t"],
                 o_every=(observed.every or 0) if len(self.observer) else 0,
-                observer=self.observer.address, o_rows=rows.observed, o_times=rows.observed_t,
+                observer=self.observer.address, o_rows=rows.get("observed"), o_times=rows.get("observed_t"),
             )  # fmt: skip
         except StepError:  # after Ctrl-C, the state need not belong to its number
             self._add(rows, self._between(before, state.n))
@@ -100,19 +100,14 @@ class Run:
         return Counts(*(grid.between(before, n) for grid in self._grids))
 
     def _add(self, rows: Rows, counts: Counts) -> None:
-        if self.warning is None:
-            self.warning = _nonfinite_observation(rows, counts.observed, self.observer.names)
+        seen = rows.get("observed", np.empty(0))[: counts.observed]
+        if self.warning is None and not np.isfinite(seen).all():
+            row, column = np.argwhere(~np.isfinite(seen))[0]
+            at = f"{seen[row, column]} at t = {rows['observed_t'][row]:g}"
+            name = self.observer.names[column]
+            self.warning = f"{name} must be finite at the states that are observed, but was {at}"
         self.recording.add(counts)
         self.restart = self.state.copy()
-
-
-def _nonfinite_observation(rows: Rows, count: int, names: Sequence[str]) -> str | None:
-    """A sentence on the first of `count` observations that is not finite, if any."""
-    if rows.observed is None or rows.observed_t is None or np.isfinite(rows.observed[:count]).all():
-        return None
-    row, column = np.argwhere(~np.isfinite(rows.observed[:count]))[0]
-    value, t = rows.observed[row, column], rows.observed_t[row]
-    return f"{names[column]} must be finite at the states that are observed, but was {value} at t = {t:g}"
 
 
 def integrate(
@@ -194,7 +189,11 @@ def integrate(
     observe_every = save_every if observe_every is None else read_steps(observe_every, "observe_every", 1)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
     compiled, observer = stepper(method, scene, parts=parts, control=control, **numerics), observers(scene, observe)
-    state = compiled.start(_start(scene, t0) if y0 is None else y0, h=h, t0=t0)
+    if y0 is None:
+        y0 = scene.y0
+        if TIME in scene.places:
+            y0[scene.places[TIME]] = t0
+    state = compiled.start(y0, h=h, t0=t0)
     if not len(state.control):  # variable steps have times of their own
         check_end(state.t0, state.h, steps)
     observer.check(state.t, state.y)
@@ -207,11 +206,11 @@ def integrate(
         raise IntegratorError(f"checkpoint must be another file than to, but both were {shorten(path)}")
     options = {"h": state.h, "t0": state.t0, "save_every": save_every, "observe_every": observe_every}
     options |= {**numerics, "control": None if control is None else str(control)}
-    saved, is_resumed = None, False
+    saved = None
     if path is not None:
         start = sha256(state.y.tobytes()).hexdigest()
         saved = Checkpoint(path, identity(compiled, observer, options, start), checkpoint_every)
-        is_resumed = saved.restore(state, steps)
+    is_resumed = saved is not None and saved.restore(state, steps)
     grids = OutputSteps(save_every), OutputSteps(observe_every)
     total = Counts(*(grid.count(steps) for grid in grids))
     about = {"variables": scene.variables, "observed": observer.names, "h": state.h}
@@ -268,11 +267,3 @@ def _closed(run: Run, checkpoint: Checkpoint | None) -> Trajectory:
         checkpoint.remove()
     run.recording.clear()
     return trajectory
-
-
-def _start(scene: Scene, t0: float) -> Any:
-    """The start of a scene at time t0."""
-    y = scene.y0
-    if TIME in scene.places:
-        y[scene.places[TIME]] = t0
-    return y

@@ -126,13 +126,21 @@ def observers(scene: Scene, observe: Any) -> Observers:
     """
     quantities: dict[str, str | Callable[..., Any]] = {}
     for name, quantity in _pairs(scene, observe):
-        _check_name(name, scene, quantities)
+        if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):
+            what = "a lambda, which has none" if name == "<lambda>" else shorten(repr(name))
+            raise IntegratorError(f"observe must give names, as in {{'radius': function}}, but one was {what}")
+        if name in quantities or name in ("t", *scene.variables):
+            what = "was there twice" if name in quantities else "is a variable"
+            raise IntegratorError(f"observe must have names of their own, but {shorten(name)} {what}")
         quantities[name] = quantity
     for name, quantity in quantities.items():
-        if isinstance(quantity, str):
-            _check_quantity(quantity, scene)
-        else:
+        if not isinstance(quantity, str):
             _compiled(name, quantity)
+        elif quantity not in (known := [*[ENERGY] * (_with_energy(scene) is not None), *_base(scene).invariants]):
+            those, one = shorten(", ".join(known) or "it has none"), shorten(quantity)
+            raise IntegratorError(
+                f"observe must hold functions, or quantities of {scene.name} ({those}), but one was {one!r}"
+            )
     return Observers(scene, quantities)
 
 
@@ -159,24 +167,6 @@ def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
                 f"observe must be of names and functions of (t, y), but {where} was {shorten(repr(quantity))}"
             )
     return pairs
-
-
-def _check_name(name: Any, scene: Scene, taken: Mapping[str, Any]) -> None:
-    if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):
-        what = "a lambda, which has none" if name == "<lambda>" else shorten(repr(name))
-        raise IntegratorError(f"observe must give names, as in {{'radius': function}}, but one was {what}")
-    if name in taken or name in ("t", *scene.variables):
-        what = "was there twice" if name in taken else "is a variable"
-        raise IntegratorError(f"observe must have names of their own, but {shorten(name)} {what}")
-
-
-def _check_quantity(quantity: str, scene: Scene) -> None:
-    if quantity not in _base(scene).invariants and (quantity != ENERGY or _with_energy(scene) is None):
-        known = [ENERGY] * (_with_energy(scene) is not None) + list(_base(scene).invariants)
-        those = shorten(", ".join(known) or "it has none")
-        raise IntegratorError(
-            f"observe must hold functions, or quantities of {scene.name} ({those}), but one was {shorten(quantity)!r}"
-        )
 
 
 def _base(scene: Scene) -> Scene:

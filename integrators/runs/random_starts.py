@@ -89,7 +89,11 @@ def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
     scene = as_scene(scene)
     scale = math.sqrt(_not_negative(temperature, "temperature"))
     mean = scene.y0
-    momenta = _momenta(scene)
+    pair = canonical_blocks(scene.blocks)
+    hamiltonian = bool(scene.base_summands) and all(summand.target is None for summand in scene.base_summands)
+    if pair is None or not hamiltonian or scene.poisson is not None:
+        raise IntegratorError(f"scene must have a Hamiltonian in momenta and positions, but {scene.name} has none")
+    momenta = pair[0]
     p = slice(momenta.offset, momenta.end)
     places = {sympy.Symbol(name): k for k, name in enumerate(momenta.variables)}
     inverse_masses, drift = _kinetic_energy(scene, momenta, places)
@@ -112,14 +116,6 @@ def _not_negative(value: Any, argument: str) -> float:
     if not 0 <= number < math.inf:
         raise IntegratorError(f"{argument} must be a number from 0 on, but was {shorten(repr(value))}")
     return number
-
-
-def _momenta(scene: Scene) -> Block:
-    pair = canonical_blocks(scene.blocks)
-    hamiltonian = bool(scene.base_summands) and all(summand.target is None for summand in scene.base_summands)
-    if pair is None or not hamiltonian or scene.poisson is not None:
-        raise IntegratorError(f"scene must have a Hamiltonian in momenta and positions, but {scene.name} has none")
-    return pair[0]
 
 
 def _kinetic_energy(scene: Scene, momenta: Block, places: Mapping[sympy.Symbol, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -41,13 +41,8 @@ class Counts(NamedTuple):
     observed: int = 0
 
 
-class Rows(NamedTuple):
-    """Arrays of states, their times, observations, and their times."""
-
-    y: np.ndarray
-    t: np.ndarray
-    observed: np.ndarray | None = None
-    observed_t: np.ndarray | None = None
+Rows = Mapping[str, np.ndarray]
+"""Arrays of states, y, their times, t, and if there are any of observations, observed, and their times, observed_t."""
 
 
 def _shapes(run: Mapping[str, Any], rows: Counts) -> dict[str, tuple[int, ...]]:
@@ -82,11 +77,11 @@ class Recording:
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
         before, shapes = _shapes(self._run, self.counts), _shapes(self._run, rows)
-        return Rows(**{key: array[before[key][0] :][: shapes[key][0]] for key, array in self._rows.items()})
+        return {key: array[before[key][0] :][: shapes[key][0]] for key, array in self._rows.items()}
 
     def add(self, rows: Counts) -> None:
         """Count rows that were written to the arrays from `room`."""
-        self.counts = Counts(self.counts.stored + rows.stored, self.counts.observed + rows.observed)
+        self.counts = Counts(*map(sum, zip(self.counts, rows, strict=True)))
 
     def finish(self) -> Trajectory:
         """The trajectory of all rows."""
@@ -128,7 +123,13 @@ class FolderRecording(Recording):
             raise IntegratorError(f"to must be a file, but {shorten(target, 200)} was {what}")
         with self._writing():
             if counts is None:
-                self._check_disk(_size(run, total))
+                needed = _size(run, total) * (1 if target is None else 2)  # the file is made from the folder
+                free = shutil.disk_usage(os.path.dirname(os.path.abspath(folder))).free
+                if needed > free:
+                    raise IntegratorError(
+                        f"save_every must be larger, since {needed / 1e9:.1f} GB of disk would be needed, "
+                        f"but {free / 1e9:.1f} GB are free"
+                    )
                 if not os.path.isdir(folder):
                     os.mkdir(folder)
             else:
@@ -153,16 +154,6 @@ class FolderRecording(Recording):
             what = f"{shorten(self._folder, 200)} must be a folder that can be written"
             raise IntegratorError(f"{what}, but was not: {error.strerror}") from None
 
-    def _check_disk(self, size: int) -> None:
-        """Refuse what does not fit on the disk; with a target, twice: the file is made from the folder."""
-        needed = size * (1 if self._target is None else 2)
-        free = shutil.disk_usage(os.path.dirname(os.path.abspath(self._folder))).free
-        if needed > free:
-            raise IntegratorError(
-                f"save_every must be larger, since {needed / 1e9:.1f} GB of disk would be needed, "
-                f"but {free / 1e9:.1f} GB are free"
-            )
-
     def _open(self, key: str, size: int) -> None:
         """Open the file of an array, and remove everything beyond the rows to resume from."""
         path = os.path.join(self._folder, ROWS[key])
@@ -175,7 +166,7 @@ class FolderRecording(Recording):
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
         self._rows = {key: np.empty(shape) for key, shape in _shapes(self._run, rows).items()}
-        return Rows(**self._rows)
+        return self._rows
 
     def add(self, rows: Counts) -> None:
         """Append rows that were written to the arrays from `room`; times come last, so rows with times are complete."""

@@ -95,13 +95,12 @@ class Trajectory(Tabular):
         """Quantities and variables at the start and at the end; CSV and pandas have a row for each time."""
         records = list(_records(self))
         times = [float(t) for t in self.t[[0, -1]]] if len(self.t) else []
+        span = f"{len(self.t):,} states, t = {times[0]:g} to {times[1]:g}, h = {self.h:g}" if times else "no states"
         return Table(
-            _title(self),
+            f"{_names(self)}: {span}",
             START_AND_END,
             records,
-            [f"change: the largest distance from the start, at {len(self.observed_t):,} times."]
-            if self.observed
-            else [],
+            [f"change: the largest distance from the start, at {len(self.observed_t):,} times."] * bool(self.observed),
             data=lambda: {"schema": 1, "kind": "trajectory", "h": self.h, "t": times, "rows": records},
             items="rows",
             records=_states(self),
@@ -258,7 +257,12 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     sentence = f"{shorten(name, 200)} must be a trajectory file, but was not"
     with reading(sentence):
         if os.path.isdir(name) or (not os.path.exists(name) and os.path.isdir(name + PART)):
-            return _of_folder(name if os.path.isdir(name) else name + PART)
+            folder = name if os.path.isdir(name) else name + PART
+            run = read_run(folder)
+            # Times are read first but written last, so their rows are complete.
+            widths = reversed(row_widths(run).items())
+            rows = {key: read_rows(os.path.join(folder, ROWS[key]), *width) for key, width in widths}
+            return _checked(trajectory_of(run, rows))
         arrays = StoredArrays(name, sentence)
         times = "m" if "observed_t" in arrays else "n"
         forms = {"variables": Form("U", ("variables",)), "t": Form(REAL, ("n",)), "y": Form(REAL, ("variables", "n"))}
@@ -296,14 +300,6 @@ def trajectory_of(run: Mapping[str, Any], rows: Mapping[str, np.ndarray]) -> Tra
     return Trajectory(t, y, h=run["h"], variables=run["variables"], observed=seen, observed_t=times, meta=run["meta"])
 
 
-def _of_folder(folder: str) -> Trajectory:
-    """The complete rows in the folder of a run; large arrays are mapped into memory."""
-    run = read_run(folder)
-    # Times are read first but written last, so their rows are complete.
-    widths = reversed(row_widths(run).items())
-    return _checked(trajectory_of(run, {key: read_rows(os.path.join(folder, ROWS[key]), *n) for key, n in widths}))
-
-
 def _checked(run: Trajectory) -> Trajectory:
     """A trajectory as a run may have made it; arrays that are mapped into memory are too large to be scanned.
 
@@ -332,12 +328,6 @@ def _names(run: Trajectory) -> str:
     """The method and the scene of a run, or else the number of its variables."""
     names = ((run.meta.get(key) or {}).get("name") for key in ("method", "scene"))
     return " on ".join(name for name in names if name) or f"{len(run.variables)} variables"
-
-
-def _title(run: Trajectory) -> str:
-    if not len(run.t):
-        return f"{_names(run)}: no states"
-    return f"{_names(run)}: {len(run.t):,} states, t = {run.t[0]:g} to {run.t[-1]:g}, h = {run.h:g}"
 
 
 def _records(run: Trajectory) -> Iterator[dict[str, Any]]:

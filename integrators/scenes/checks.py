@@ -59,12 +59,8 @@ def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
         >>> [(str(guard.formula), guard.relation) for guard in guards(sympy.log(1/x + sympy.sqrt(y)))]
         [('x', '!='), ('y', '>='), ('sqrt(y) + 1/x', '>')]
     """
-    found: dict[Guard, None] = {}
-    for part in _parts(formula):
-        for guard in _guards_of(part, derivatives):
-            if not guard.formula.is_positive:
-                found[guard] = None
-    return list(found)
+    found = (guard for part in _parts(formula) for guard in _guards_of(part, derivatives))
+    return list(dict.fromkeys(guard for guard in found if not guard.formula.is_positive))
 
 
 def _parts(formula: Any) -> Iterator[Any]:
@@ -98,11 +94,9 @@ def _guards_of(part: Any, derivatives: int) -> Iterator[Guard]:
 
 def check_domain(scene: System) -> None:
     """Refuse parameters or start values outside the domain of the field."""
-    for formula in scene.positive:
-        _check_flat(Guard(formula, ">"), scene)
-    for guard in (
-        guard for row in scene.poisson or () for entry in row for guard in _guards_with_values(entry, 0, scene)
-    ):
+    flat = [Guard(formula, ">") for formula in scene.positive]
+    entries = (entry for row in scene.poisson or () for entry in row)
+    for guard in (*flat, *(guard for entry in entries for guard in _guards_with_values(entry, 0, scene))):
         _check_flat(guard, scene)
     for summand in scene.summands:
         for guard in _guards_with_values(summand.formula, int(summand.target is None), scene):
@@ -126,8 +120,7 @@ def _check_flat(guard: Guard, scene: System) -> None:
         symbols = cast("set[Any]", formula.free_symbols)
         values = {symbol: scene.start[scene.places[symbol.name]] for symbol in symbols if symbol.name in scene.places}
         formula = cast("sympy.Expr", formula.xreplace(values))
-    if not guard.holds(formula):
-        _refuse(guard, formula, "")
+    _check(guard, formula)
 
 
 def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
@@ -140,7 +133,7 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     known = [values for symbol in symbols if (values := _site_values(symbol.name, sites.count, scene)) is not None]
     if len(known) < len(symbols):  # without values, only a repeated site in a row can make a difference vanish
         for row in {row for row in sites.rows() if len(set(row)) < len(row)}:
-            _check_row(guard, at_row(formula, row, scene), row)
+            _check(guard, at_row(formula, row, scene), row)
         return
     rows = _rows(sites, [values.doubles for values in known if values.varies])
     arguments = [values.doubles[rows[:, values.role]] for values in known]
@@ -150,12 +143,7 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     suspects = np.flatnonzero(~(size > SMALL))
     for row in rows[suspects[np.argsort(size[suspects])][:MAX_SUSPECTS]]:
         exact = {symbol: values.exact[row[values.role]] for symbol, values in zip(symbols, known, strict=True)}
-        _check_row(guard, cast("sympy.Expr", formula.xreplace(exact)), row)
-
-
-def _check_row(guard: Guard, value: sympy.Expr, row: Iterable[int]) -> None:
-    if not guard.holds(value):
-        _refuse(guard, value, f" for the sites {', '.join(str(site + 1) for site in row)}")
+        _check(guard, cast("sympy.Expr", formula.xreplace(exact)), row)
 
 
 class _SiteValues(NamedTuple):
@@ -195,7 +183,12 @@ def _rows(sites: Sites, variables: Sequence[np.ndarray]) -> np.ndarray:
     return np.array(list(sites.rows()), dtype=int).reshape(-1, sites.roles)
 
 
-def _refuse(guard: Guard, value: sympy.Expr, where: str) -> None:
+def _check(guard: Guard, value: sympy.Expr, row: Iterable[int] = ()) -> None:
+    """Refuse a value, perhaps at a row of sites, that does not satisfy a guard."""
+    if guard.holds(value):
+        return
+    sites = ", ".join(str(site + 1) for site in row)
+    where = f" for the sites {sites}" if sites else ""
     must = {">": "positive", ">=": "not negative", "!=": "other than zero"}[guard.relation]
     formula, number = shorten(str(guard.formula)), shorten(str(value if value.is_Rational else value.evalf(6)))
     raise IntegratorError(f"parameters and start must make {formula} {must}, but it was {number}{where}")

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import dis
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from inspect import Parameter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+import sympy
 
 from integrators.core.arguments import items, parameters_of, required
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.exact.branches import Absolute, Sign, compare, extreme
+from integrators.scenes.model.black_boxes import BoxArgument
 from integrators.scenes.model.blocks import TIME, Block, read_blocks
 from integrators.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    import sympy
 
 
 def scene_from_function(
@@ -48,9 +52,6 @@ def scene_from_function(
             for methods that need them.
         name: The name of the scene; by default that of the function.
 
-    Returns:
-        The scene.
-
     Raises:
         IntegratorError: The function neither runs on symbols nor compiles, fails at the start, or returns something
             else.
@@ -78,11 +79,15 @@ def scene_from_function(
     reasons: list[str] = []
     parameters: dict[str, Any] = {}
     if hamiltonian:
-        call = _hamiltonian_call(function, blocks)
-        value = _called(call)
+        signature = _signature(function)
+        if required(signature) != 2:
+            raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
+        names = [block.variables for block in blocks if block.name != TIME]
+        arguments = {p.name: value for p, value in zip(signature, names, strict=False)}
+        parameters = _parameters(signature[2:])
+        value = _called(_Call(function, arguments, parameters, ()))
         value = value.item() if getattr(value, "size", 0) == 1 else value  # of p**2/2, where p is an array of one
         formulas: dict[str, Any] = {"hamiltonian": _formula(value, "function")}
-        parameters = call.parameters
     else:
         field: dict[str, sympy.Expr] = {}
         for call in _calls(function, blocks):
@@ -173,17 +178,7 @@ def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
         yield _Call(one, arguments, _parameters(signature[count:]), known[name])
 
 
-def _hamiltonian_call(function: Any, blocks: Sequence[Block]) -> _Call:
-    """The call of a Hamiltonian, whose arguments are the momenta and the positions."""
-    signature = _signature(function)
-    if required(signature) != 2:
-        raise IntegratorError("function must take the momenta p and the positions q where hamiltonian is true")
-    names = [block.variables for block in blocks if block.name != TIME]
-    arguments = {p.name: value for p, value in zip(signature, names, strict=False)}
-    return _Call(function, arguments, _parameters(signature[2:]), ())
-
-
-def _signature(function: Callable[..., Any]) -> list[Parameter]:
+def _signature(function: Any) -> list[Parameter]:
     """The arguments of a function, also of one that numba has compiled."""
     found = parameters_of(getattr(function, "py_func", function))
     if found is None:
@@ -193,8 +188,6 @@ def _signature(function: Callable[..., Any]) -> list[Parameter]:
 
 def _parameters(signature: Sequence[Parameter]) -> dict[str, Any]:
     """Arguments with numbers as defaults."""
-    from integrators.scenes.traced import exact_number
-
     given = {p.name: exact_number(p.default) for p in signature}
     return {key: value for key, value in given.items() if value is not None}
 
@@ -210,7 +203,12 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
                 raise
             refused = str(error)
         else:
-            return _formulas(found, call.values)
+            values = np.ravel(np.array(found, dtype=object)) if found is not None else []
+            if len(values) != len(call.values):
+                what = f"{len(call.values)} derivatives, one for each variable"
+                raise IntegratorError(f"function must return {what}, but returned {shown(found)}")
+            pairs = zip(call.values, values, strict=True)
+            return {key: _formula(value, f"derivative of {key}") for key, value in pairs}
     try:
         entries = _compiled_entries(call, jacobian)
     except IntegratorError as error:
@@ -221,24 +219,8 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
     return dict(zip(call.values, entries, strict=True))
 
 
-def _formulas(found: Any, names: Sequence[str]) -> dict[str, sympy.Expr]:
-    """A right-hand side's result on symbols as formulas of the derivatives of variables."""
-    import numpy as np
-
-    values = np.ravel(np.array(found, dtype=object)) if found is not None else []
-    if len(values) != len(names):
-        raise IntegratorError(
-            f"function must return {len(names)} derivatives, one for each variable, but returned {shown(found)}"
-        )
-    return {key: _formula(value, f"derivative of {key}") for key, value in zip(names, values, strict=True)}
-
-
 def _called(call: _Call) -> Any:
     """The function's result on symbols."""
-    import numpy as np
-    import sympy
-
-    from integrators.scenes.traced import Formula, FormulaArray
 
     def symbols(names: Sequence[str] | None) -> Any:
         if names is None:
@@ -260,10 +242,7 @@ def _called(call: _Call) -> Any:
 
 def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
     """The derivatives of a compiled function, as entries of a black box."""
-    import sympy
-
     from integrators.compile.black_boxes import black_box
-    from integrators.scenes.model.black_boxes import BoxArgument
 
     box_arguments: list[BoxArgument] = []
     symbols: list[sympy.Expr] = []
@@ -291,9 +270,215 @@ def _reads(function: Any, argument: str) -> bool:
 
 def _formula(value: Any, what: str) -> sympy.Expr:
     """A result of the function as a formula."""
-    from integrators.scenes.traced import operand
-
     found = operand(value)
     if found is None:
         raise IntegratorError(f"{what} must be a formula or a number, but was {shown(value)}")
     return found
+
+
+METHODS = {
+    **{name: name for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "cbrt")},
+    **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
+}
+"""NumPy's functions that call methods of objects, and SymPy's names for them."""
+
+
+def exact_number(value: Any) -> Any:
+    """A number as Python's exact one, a float as the decimal that it prints as; None for what is no number."""
+    if hasattr(value, "item") and getattr(value, "shape", None) == ():
+        value = value.item()
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
+        return None
+    try:
+        return Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
+    except ValueError:
+        raise IntegratorError(f"numbers in function must be finite, but one was {value}") from None
+
+
+def operand(value: Any) -> Any:
+    """A formula, or a number as one; None for something else."""
+    if isinstance(value, np.ndarray) and value.shape == ():
+        value = value.item()
+    if isinstance(value, Formula):
+        return value.expression
+    if isinstance(value, sympy.Expr):
+        return value
+    number = exact_number(value)
+    return None if number is None else sympy.Rational(number.numerator, number.denominator)
+
+
+def traced(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of SymPy expressions as one of formulas and numbers."""
+
+    def apply(*values: Any) -> Formula:
+        found = [operand(value) for value in values]
+        if any(value is None for value in found):
+            raise TypeError(f"{function.__name__} takes formulas and numbers")
+        return Formula(function(*found))
+
+    return apply
+
+
+class Condition:
+    """An inequality, which `np.where` chooses by."""
+
+    def __init__(self, choose: Callable[[Any, Any], Any]):
+        self.choose = choose
+
+    def __and__(self, other: Condition) -> Condition:
+        return Condition(lambda a, b: self.choose(other.choose(a, b), b))
+
+    def __or__(self, other: Condition) -> Condition:
+        return Condition(lambda a, b: self.choose(a, other.choose(a, b)))
+
+    def __invert__(self) -> Condition:
+        return Condition(lambda a, b: self.choose(b, a))
+
+    def __bool__(self) -> NoReturn:
+        raise IntegratorError(
+            "function must be a formula in its arguments, but it looks at their values; for a choice use np.where, "
+            "np.minimum or np.maximum"
+        )
+
+    def __array_function__(self, function: Any, types: Any, values: Any, options: Any) -> Any:
+        return where(*values) if function is np.where and len(values) == 3 and not options else NotImplemented
+
+
+def _compared(relation: str) -> Callable[[Any, Any], Any]:
+    def comparison(left: Any, right: Any) -> Condition:
+        x, y = operand(left), operand(right)
+        if x is None or y is None:
+            raise TypeError("comparisons take formulas and numbers")
+        return Condition(traced(lambda a, b: compare(x, relation, y, a, b)))
+
+    return comparison
+
+
+def _choice(condition: Any, a: Any, b: Any) -> Any:
+    return condition.choose(a, b) if isinstance(condition, Condition) else a if condition else b
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """`np.where` on conditions, formulas and numbers, or arrays of them."""
+    return _elementwise(_choice, (condition, a, b))
+
+
+def _elementwise(function: Callable[..., Any], values: Sequence[Any]) -> Any:
+    found = np.frompyfunc(function, len(values), 1)(*(np.asarray(value, dtype=object) for value in values))
+    return found.view(FormulaArray) if isinstance(found, np.ndarray) else found
+
+
+ELEMENTWISE: dict[str, Callable[..., Any]] = {
+    "sign": traced(Sign),
+    "erf": traced(sympy.erf),
+    "heaviside": traced(lambda x, at_zero: compare(x, ">", 0, 1, compare(x, "<", 0, 0, at_zero))),
+    **dict.fromkeys(("absolute", "fabs"), traced(Absolute)),
+    **dict.fromkeys(("maximum", "fmax"), traced(lambda x, y: extreme("max", [x, y]))),
+    **dict.fromkeys(("minimum", "fmin"), traced(lambda x, y: extreme("min", [x, y]))),
+    "greater": _compared(">"),
+    "less": _compared("<"),
+    "greater_equal": _compared(">="),
+    "less_equal": _compared("<="),
+}
+"""Functions of NumPy and SciPy that have no method on objects, or would look at truth values."""
+REDUCED = {"maximum", "minimum", "fmax", "fmin"}
+
+
+def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, Any]) -> Any:
+    """A universal function of NumPy or SciPy on formulas and arrays of them."""
+    if ufunc.__name__ in ELEMENTWISE:
+        if method == "__call__" and not options:
+            return _elementwise(ELEMENTWISE[ufunc.__name__], values)
+        if method == "reduce" and ufunc.__name__ in REDUCED and all(map(_is_default, options.items())):
+            return _extremes("max" if "max" in ufunc.__name__ else "min", values[0], options.get("axis", 0))
+    plain = [np.asarray(value, dtype=object) if isinstance(value, Formula) else np.asarray(value) for value in values]
+    if "out" in options:
+        options = options | {"out": tuple(map(np.asarray, options["out"]))}
+    found = getattr(ufunc, method)(*plain, **options)
+    return found.view(FormulaArray) if isinstance(found, np.ndarray) and found.dtype == object else found
+
+
+def _is_default(option: tuple[str, Any]) -> bool:
+    """Whether an option of a reduction, other than its axis, is as if it had not been given."""
+    name, value = option
+    return (
+        name == "axis"
+        or value in (None, (None,))
+        or value is (name == "where")
+        or type(value).__name__ == "_NoValueType"
+    )
+
+
+def _extremes(name: str, values: Any, axis: Any) -> Any:
+    """The least or the largest entries along an axis, or of all for None."""
+    array = np.asarray(values, dtype=object)
+    rows = array.reshape(-1) if axis is None else np.moveaxis(array, axis, -1)
+    found = np.empty(rows.shape[:-1], dtype=object)
+    for place in np.ndindex(found.shape):
+        found[place] = traced(lambda *row: extreme(name, row))(*rows[place])
+    return found.view(FormulaArray) if found.ndim else found.item()
+
+
+class FormulaArray(np.ndarray):
+    """An array of formulas."""
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *values: Any, **options: Any) -> Any:
+        return _apply(ufunc, method, values, options)
+
+    def __array_function__(self, function: Any, types: Any, values: Any, options: Any) -> Any:
+        if function is np.where and len(values) == 3 and not options:
+            return where(*values)
+        return super().__array_function__(function, types, values, options)
+
+
+class Formula:
+    """A number that the function computes, as a SymPy expression; NumPy calls its methods."""
+
+    __slots__ = ("expression",)
+
+    def __init__(self, expression: sympy.Expr):
+        self.expression = expression
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *values: Any, **options: Any) -> Any:
+        return _apply(ufunc, method, values, options)
+
+    def _operator(operation: Callable[[Any, Any], Any]) -> Any:  # type: ignore[misc]  # of the class body
+        def apply(self: Formula, other: Any) -> Any:
+            found = operand(other)
+            return NotImplemented if found is None else Formula(operation(self.expression, found))
+
+        return apply
+
+    __add__ = __radd__ = _operator(operator.add)
+    __mul__ = __rmul__ = _operator(operator.mul)
+    __sub__, __rsub__ = _operator(operator.sub), _operator(lambda a, b: b - a)
+    __truediv__, __rtruediv__ = _operator(operator.truediv), _operator(lambda a, b: b / a)
+    __pow__, __rpow__ = _operator(operator.pow), _operator(lambda a, b: b**a)
+    __gt__, __lt__, __ge__, __le__ = (ELEMENTWISE[name] for name in ("greater", "less", "greater_equal", "less_equal"))
+
+    def __neg__(self) -> Formula:
+        return Formula(-self.expression)
+
+    def __pos__(self) -> Formula:
+        return self
+
+    def __abs__(self) -> Formula:
+        return Formula(Absolute(self.expression))
+
+    def conjugate(self) -> Formula:
+        """The formula itself, which is real."""
+        return self
+
+    def __getattr__(self, name: str) -> Callable[[], Formula]:
+        if name not in METHODS:  # NumPy asks for many attributes
+            raise AttributeError(f"formulas have {', '.join(METHODS)}, but not {name}")
+        return lambda: Formula(getattr(sympy, METHODS[name])(self.expression))
+
+    def _look(self, *_: Any) -> NoReturn:
+        raise IntegratorError("function must be a formula in its arguments, but it looks at their values")
+
+    __bool__ = __eq__ = __ne__ = _look  # type: ignore[assignment]
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return str(self.expression)

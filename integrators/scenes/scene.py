@@ -4,30 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from unicodedata import name as unicode_name
 
 from foundation.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
 from integrators.core.errors import shorten
 from integrators.exact.expressions import decimal_text
 from integrators.scenes.checks import check_domain, defects
-from integrators.scenes.latex import latex_formula
-from integrators.scenes.model.assembly import (
-    Declaration,
-    assemble,
-    declaration_table,
-    read_declaration,
-    with_start_values,
-    with_values,
-)
-from integrators.scenes.model.declarations import join_start
+from integrators.scenes.model import declarations
+from integrators.scenes.model.blocks import ROLES
+from integrators.scenes.model.declarations import Declaration
 from integrators.scenes.model.formulas import formula_text
 from integrators.scenes.model.system import LocalTerm, System
-from integrators.scenes.model.terms import Effect, Summand, Term, check_active, check_effects, sorted_summands
+from integrators.scenes.model.terms import Effect, Term, check_active, check_effects, sorted_summands
 from integrators.scenes.particles import expansion
-from integrators.scenes.particles.local_form import local_terms_of
 
 if TYPE_CHECKING:
     import sympy
@@ -37,6 +30,7 @@ if TYPE_CHECKING:
     Fact = tuple[str, str | Sequence[sympy.Expr]]
 
 UNNAMED = "scene"
+GREEK = "GREEK SMALL LETTER "
 TIME_NOTE = "the field depends on the time t: made autonomous by the variable t with t' = 1"
 
 MOST_CHARACTERS = 300
@@ -106,18 +100,10 @@ class Scene(System, Tabular):
         for argument, label in labels.items():
             check_label(label, argument)
         effects = check_effects(effects or {})
-        declaration = read_declaration(
-            variables,
-            hamiltonian,
-            field,
-            terms,
-            poisson,
-            parameters or {},
-            invariants or {},
-            start or {},
-            positive,
+        declaration = declarations.read_declaration(
+            variables, hamiltonian, field, terms, poisson, parameters or {}, invariants or {}, start or {}, positive,
             effects,
-        )
+        )  # fmt: skip
         self._initialize(declaration, check_active(active, effects), effects, labels)
 
     reference: str | None
@@ -127,14 +113,11 @@ class Scene(System, Tabular):
     declaration: Declaration
 
     def _initialize(
-        self,
-        declaration: Declaration,
-        active: tuple[str, ...],
-        effects: Mapping[str, Effect],
+        self, declaration: Declaration, active: tuple[str, ...], effects: Mapping[str, Effect],
         labels: Mapping[str, str | None],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Set all attributes, with these effects on."""
-        system = assemble(declaration, active)
+        system = declarations.assemble(declaration, active)
         broken = {name for effect in active for name in declaration.effects[effect].breaks}
         starts = dict(declaration.base.start)
         for effect in active:
@@ -150,7 +133,7 @@ class Scene(System, Tabular):
             poisson=declaration.poisson,
             invariants=MappingProxyType({k: v for k, v in declaration.invariants.items() if k not in broken}),
             positive=declaration.positive,
-            start=join_start(starts, system.blocks) if declaration.base.start else None,
+            start=declarations.join_start(starts, system.blocks) if declaration.base.start else None,
             summands=sorted_summands(system.summands, system.blocks),
             base_summands=sorted_summands(declaration.base.summands, declaration.base.blocks),
         )
@@ -190,16 +173,13 @@ class Scene(System, Tabular):
     @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:
         """The field as terms in few local variables; parameters that are symbols stay in the formulas."""
-        return local_terms_of(self)
+        return tuple(term for term in expansion.all_terms(self) if term.outputs)
 
     def invariant_defects(self) -> dict[str, float]:
         """The declared invariants that are not constant along the field, tested at random points near the start.
 
-        Returns:
-            The relative size of each derivative along the field, from 1e-25 to 1; empty if all are first integrals.
-
-        Raises:
-            IntegratorError: A parameter is a symbol, or the field has too many terms.
+        Each has the relative size of its derivative along the field, from 1e-25 to 1. A scene with symbols for
+        parameters or too many terms is refused.
 
         Example:
             >>> from integrators import Scene
@@ -211,14 +191,7 @@ class Scene(System, Tabular):
         return defects(self)
 
     def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
-        """The scene with exactly these effects on.
-
-        Args:
-            names: The effects.
-            parameters: New values of parameters, of the base system or of these effects.
-
-        Raises:
-            IntegratorError: An effect or parameter is unknown.
+        """The scene with exactly these effects on, and new values of parameters, its own or those of these effects.
 
         Example:
             >>> drag = Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})
@@ -227,11 +200,11 @@ class Scene(System, Tabular):
             (-p/5 - q, p)
         """
         active = check_active(names, self.effects)
-        return self._changed(with_values(self.declaration, active, parameters), active)
+        return self._changed(declarations.with_values(self.declaration, active, parameters), active)
 
     def with_parameters(self, /, **values: Any) -> Scene:
         """The scene with other values of parameters, of the base system or of effects that are on."""
-        return self._changed(with_values(self.declaration, self.active, values), self.active)
+        return self._changed(declarations.with_values(self.declaration, self.active, values), self.active)
 
     def with_start(self, /, **values: Any) -> Scene:
         """The scene with other start values of some blocks, or of single variables.
@@ -243,7 +216,7 @@ class Scene(System, Tabular):
             >>> Scene({"p": 2, "q": 2}, hamiltonian="p1^2 + q2", start={"p": [0, 0], "q": [1, 2]}).with_start(q2=3).y0
             array([0., 0., 1., 3.])
         """
-        return self._changed(with_start_values(self.declaration, self.active, values), self.active)
+        return self._changed(declarations.with_start_values(self.declaration, self.active, values), self.active)
 
     def to_table(self) -> Table:
         """Variables, formulas, parameters, effects, first integrals and start; `print` and notebooks show it."""
@@ -289,7 +262,7 @@ class Scene(System, Tabular):
     def to_dict(self) -> dict[str, Any]:
         """The content of `to_toml` as dictionaries and lists of integers and text, valid in JSON."""
         labels = self._labels | ({"name": None} if self.name == UNNAMED else {})
-        return declaration_table(self.declaration, labels, self.effects, self.active)
+        return declarations.declaration_table(self.declaration, labels, self.effects, self.active)
 
     @property
     def _labels(self) -> dict[str, str | None]:
@@ -336,8 +309,12 @@ def _facts(scene: Scene) -> Iterator[Fact]:
     """The rows of the table of a scene: text, or formulas."""
     yield "variables", ", ".join(scene.variables)
     yield "blocks", ", ".join(f"{block.name} of {block.dimension}" for block in scene.blocks)
-    for summand in scene.summands:
-        yield _summand_place(summand), [summand.formula]
+    for summand in scene.summands:  # H or a derivative, the sites of its sum, and its part of the field
+        target = "H" if summand.target is None else f"{summand.target}'"
+        sites = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
+        where = f"sites {shorten(sites)}" if sites else SUMS.get(summand.sites.kind)
+        part = summand.part and f"part {summand.part}"
+        yield ", ".join(filter(None, [target, where, part])), [summand.formula]
     for k, row in enumerate(scene.poisson or (), 1):
         yield f"Poisson matrix, row {k}", row
     for name, value in scene.parameters.items():
@@ -356,17 +333,43 @@ def _facts(scene: Scene) -> Iterator[Fact]:
         yield "reference", scene.reference
 
 
-def _summand_place(summand: Summand) -> str:
-    """The place of a formula: H or a derivative, the sites of its sum, and its part of the field."""
-    target = "H" if summand.target is None else f"{summand.target}'"
-    sites = "; ".join(" ".join(str(site + 1) for site in row) for row in summand.sites.table)
-    where = f"sites {shorten(sites)}" if sites else SUMS.get(summand.sites.kind)
-    part = summand.part and f"part {summand.part}"
-    return ", ".join(filter(None, [target, where, part]))
-
-
 def typed_value(value: Any) -> str:
     """A value in the notation of --parameter NAME=."""
     if not isinstance(value, tuple):
         return str(value)
     return (";" if isinstance(value[0], tuple) else ",").join(map(typed_value, value))
+
+
+def latex_formula(formula: sympy.Expr, scene: System) -> str:
+    """A formula in variables and parameters of a scene."""
+    import sympy
+
+    names = {symbol: _latex_name(str(symbol)) for symbol in formula.free_symbols}
+    return sympy.latex(formula, symbol_names=names | _latex_components(scene))
+
+
+def _latex_name(name: str) -> str:
+    """The name of a variable or parameter: Greek letters and indices as LaTeX writes them."""
+    import sympy
+
+    if name.startswith("_"):
+        return f"\\mathrm{{{latex_text(name)}}}"
+    known = ((letter, unicode_name(letter, "")) for letter in name)
+    spelled = (text.removeprefix(GREEK).lower() if text.startswith(GREEK) else letter for letter, text in known)
+    return sympy.latex(sympy.Symbol("".join(spelled)))
+
+
+@lru_cache(maxsize=1)
+def _latex_components(scene: System) -> dict[sympy.Symbol, str]:
+    """The names of components at sites: p_{x,1} for px1, and p_{x,i} for px_i in a term over sites."""
+    import sympy
+
+    names = {}
+    for block in scene.blocks:
+        base = _latex_name(block.name)
+        for component in block.components if block.components != (block.name,) else ():
+            axis = component.removeprefix(block.name)
+            for site, symbol in enumerate(scene.symbols[block.places(component)], 1):
+                names[symbol] = f"{base}_{{{axis},{site}}}"
+            names |= {sympy.Symbol(f"{component}_{role}"): f"{base}_{{{axis},{role}}}" for role in ROLES}
+    return names

@@ -1,16 +1,29 @@
-"""Scenes from one line of text: equations of motion or a Hamiltonian."""
+"""Scenes from text: equations of motion or a Hamiltonian in one line, and TOML files with exact round trip.
+
+    name = "pendulum"
+    variables = {p = 1, q = 1}
+    hamiltonian = "p^2/2 - cos(q)"
+    start = {p = [0], q = ["-3/2"]}
+    effects.damping = {field = {p = "-gamma*p"}, parameters = {gamma = 0.1}}
+
+The keys are the arguments of `Scene`, `Effect` and `Term`. Numbers are exact decimals, or formulas as text.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import IO, Any
 
-from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, split_row
+from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, items, split_row
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.text_files import atomic_write, check_keys, errors_from, parse_toml, read_text
 from integrators.exact.expressions import NOT_FINITE
+from integrators.scenes.checks import can_be_checked, defects
 from integrators.scenes.model.blocks import TIME, read_blocks
 from integrators.scenes.model.formulas import KNOWN, words
+from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
@@ -21,24 +34,19 @@ _CANONICAL = re.compile(
 
 
 def parse_scene(
-    text: str,
-    blocks: str | Mapping[str, Any] | None = None,
-    parameters: str | Mapping[str, Any] | None = None,
-    start: str | Mapping[str, Any] | None = None,
-    name: str | None = None,
-) -> Scene:
+    text: str, blocks: str | Mapping[str, Any] | None = None, parameters: str | Mapping[str, Any] | None = None,
+    start: str | Mapping[str, Any] | None = None, name: str | None = None,
+) -> Scene:  # fmt: skip
     """A scene from the equations of its field.
 
     Args:
         text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one per line or separated by ``;``.
         blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. By default variables that begin with p
-            and q form the blocks p and q if there are no others; otherwise all variables are one block.
+            and q form the blocks p and q if there are no others; otherwise all variables are one block. The variables
+            of a block have the order of their equations.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
         name: The name of the scene in messages.
-
-    Returns:
-        The scene. The variables of a block have the order of their equations.
 
     Raises:
         IntegratorError: The text is not a list of equations, or a name has neither an equation nor a value.
@@ -61,12 +69,9 @@ def parse_scene(
 
 
 def parse_hamiltonian(
-    text: str,
-    blocks: str | Mapping[str, Any] | None = None,
-    parameters: str | Mapping[str, Any] | None = None,
-    start: str | Mapping[str, Any] | None = None,
-    name: str | None = None,
-) -> Scene:
+    text: str, blocks: str | Mapping[str, Any] | None = None, parameters: str | Mapping[str, Any] | None = None,
+    start: str | Mapping[str, Any] | None = None, name: str | None = None,
+) -> Scene:  # fmt: skip
     """A scene from its Hamiltonian.
 
     Args:
@@ -74,12 +79,7 @@ def parse_hamiltonian(
         blocks: The momenta and positions, as ``"p=x,u; q=y,v"`` or as a mapping. By default these are the names p, q
             with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added. Or
             they are another pair that tells momenta from positions, such as v and x, or v1, v2, x1 and x2.
-        parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
-        start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
-        name: The name of the scene in messages.
-
-    Returns:
-        The scene.
+        parameters, start, name: As for `parse_scene`.
 
     Raises:
         IntegratorError: The text is not a formula, or a name is neither a variable nor a parameter.
@@ -218,3 +218,111 @@ def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, An
                 f"start must have values for {shorten(', '.join(known[:-1]))}, but has some for {name!r:.60}"
             )
     return {**found, **values}
+
+
+EFFECT_KEYS = ("summary", "variables", "parameters", "start", "hamiltonian", "field", "terms", "breaks")
+KEYS = ("name", "reference", *EFFECT_KEYS[:-1], "poisson", "invariants", "positive", "effects", "active")
+TERM_KEYS = ("over", "hamiltonian", "field", "part")
+
+
+def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
+    """Read a scene from a TOML file.
+
+    Args:
+        source: A path, or an open file of text or bytes.
+
+    Raises:
+        IntegratorError: The file cannot be read, is not TOML, describes no scene, or declares a first integral that is
+            not constant along the field.
+
+    Example:
+        >>> import io
+        >>> text = 'variables = {p = 1, q = 1}\\nhamiltonian = "p^2/2 - cos(q)"'
+        >>> load_scene(io.StringIO(text)).field
+        (-sin(q), p)
+    """
+    text, label = read_text(source)
+    return loads_scene(text, source=label)
+
+
+def loads_scene(text: str, *, source: str = "text") -> Scene:
+    """Read a scene from TOML text, named `source` in error messages.
+
+    Example:
+        >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
+        (y**2,)
+    """
+    with errors_from(source):
+        scene = _read_scene(parse_toml(text))
+        check_invariants(scene)
+    return scene
+
+
+def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
+    """The scene in the table of a scene file, without the check of first integrals."""
+    with errors_from(source):
+        return _read_scene(table)
+
+
+def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a scene to a TOML file, from which `load_scene` reads an equal one.
+
+    Args:
+        scene: The scene.
+        path: The file; it is replaced atomically, or left unchanged if writing fails.
+
+    Raises:
+        IntegratorError: The file cannot be written.
+
+    Example:
+        >>> import pathlib, tempfile
+        >>> from integrators import scene
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder, "pendulum.toml")
+        ...     save_scene(scene("pendulum"), path)
+        ...     load_scene(path) == scene("pendulum")
+        True
+    """
+    if not isinstance(scene, Scene):
+        raise IntegratorError(f"scene must be a Scene, but was {shown(scene)}")
+    atomic_write(path, scene.to_toml())
+
+
+def check_invariants(scene: Scene) -> None:
+    """Refuse invariants that are not constant, in the base system or with an effect whose `breaks` omits them.
+
+    Very large fields and fields with symbolic parameters are not checked.
+    """
+    for effect in ((), *((name,) for name in scene.effects)) if scene.declaration.invariants else ():
+        present = scene.with_effects(*effect)
+        if can_be_checked(present):
+            for broken in defects(present):
+                where = "".join(f" with the effect {name}, whose breaks should name it" for name in effect)
+                raise IntegratorError(
+                    f"invariants must be constant along the field, but {shorten(broken)} is not{where}"
+                )
+
+
+def _read_scene(data: Any) -> Scene:
+    check_keys(data, KEYS, "content")
+    if "variables" not in data:
+        raise IntegratorError(f"content must have the key variables, but had {shorten(', '.join(data) or 'none')}")
+    effects = data.get("effects", {})
+    if not isinstance(effects, dict):
+        raise IntegratorError(f"effects must map names to tables, but was {shown(effects)}")
+    read: dict[str, Effect] = {}
+    for name, effect in effects.items():
+        check_keys(effect, EFFECT_KEYS, f"effects.{name}")
+        terms = _read_terms(effect.get("terms", ()), f"effects.{name}.terms")
+        with errors_from(f"effects.{name}"):
+            read[name] = Effect(**{**effect, "terms": terms})
+    return Scene(**{**data, "terms": _read_terms(data.get("terms", ()), "terms"), "effects": read})
+
+
+def _read_terms(data: Any, argument: str) -> list[Term]:
+    terms = []
+    for k, term in enumerate(items(data, argument), 1):
+        check_keys(term, TERM_KEYS, f"{argument}[{k}]")
+        with errors_from(f"{argument}[{k}]"):
+            terms.append(Term(**term))
+    return terms

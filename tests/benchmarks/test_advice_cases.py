@@ -11,8 +11,7 @@ from steady_budgets import for_steps, stop_the_clock
 import bseries as bs
 from bseries.advice.timing import Timing
 from bseries.advice.work_precision import recommendation, sweeps
-from bseries.advice.work_precision.candidates import Candidate
-from bseries.advice.work_precision.sweeps import Curve, Judge, Row, RunErrors
+from bseries.advice.work_precision.sweeps import Candidate, Curve, Judge, Row, RunErrors
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))

@@ -10,7 +10,7 @@ import pytest
 
 import trees.table
 from bseries import BSeries
-from bseries.exact import operations
+from bseries.exact import rationals
 
 
 @pytest.fixture(params=["compiled", "interpreted", "by order"])
@@ -19,7 +19,7 @@ def execution(request, monkeypatch):
     if request.param == "compiled":
         import numba  # noqa: F401
     monkeypatch.setattr(trees.table, "compiling_pays", lambda work: request.param == "compiled")
-    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: request.param == "by order")
+    monkeypatch.setattr(rationals, "arrays_pay", lambda seconds: request.param == "by order")
     trees.table._kept_table.cache_clear()
     yield request.param
     trees.table._kept_table.cache_clear()

@@ -46,7 +46,7 @@ def rounded(s: bs.BSeries) -> np.ndarray:
     if values.kind == "float":
         return np.array(values.coefficients())
     orders = s.table.order.tolist()
-    return np.array([int(x) / values.denominators[n] for x, n in zip(values.numerators, orders, strict=True)])
+    return np.array([int(x) / values.denominators[n] for x, n in zip(values.raw, orders, strict=True)])
 
 
 # What the terms of a coefficient add up to before they cancel

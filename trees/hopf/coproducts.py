@@ -8,26 +8,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import factorial, prod
 from typing import Any
 
 from trees.counting import MOST_NODES
 from trees.errors import TreeError
+from trees.hopf import sums
 from trees.hopf.forests import Forest, rooted
 from trees.hopf.products import graft
-from trees.hopf.sums import (
-    KEPT,
-    FormalSum,
-    Summand,
-    Terms,
-    add_terms,
-    as_sum,
-    check_work,
-    fold,
-    multiply_terms,
-    work_of,
-)
+from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, add_terms, as_sum, check_work, fold, multiply_terms
 from trees.tree import Tree
 
 _NONE = Forest()
@@ -108,24 +98,25 @@ def substitution_coproduct(x: Summand) -> FormalSum:
 
 
 @lru_cache(maxsize=KEPT)
-def _partitions(tree: Tree) -> FormalSum:
-    """Partitions as triples for each subtree: root part and skeleton, both without root, and the other parts between.
+def _partitions(tree: Tree, skeletons: int = 1, sign: int = 1) -> FormalSum:
+    """The parts of all partitions, with a sign for each part, tensor the skeletons, if wanted.
 
-    If the edge to the parent is kept, root part and skeleton are joined to those of the parent. If it is deleted, both
-    are complete, and the first entry is ∅, as at the root of the tree.
+    Subtrees have triples: root part and skeleton, both without root, and the other parts between. If the edge to the
+    parent is kept, root part and skeleton are joined to those of the parent. If it is deleted, both are complete, and
+    the first entry is ∅, as at the root of the tree.
     """
 
     def lift(subtree: Tree, partitions: Terms) -> Terms:
         lifted: dict[Any, Any] = {}
-        for (inner, parts, skeletons), count in partitions.items():
+        for (inner, parts, *skeleton), count in partitions.items():
             own = rooted(inner, subtree.color)
-            lifted[own, parts, skeletons] = count
-            complete = (_NONE, parts * own, rooted(skeletons, subtree.color))
-            lifted[complete] = lifted.get(complete, 0) + count
+            lifted[own, parts, *skeleton] = count
+            complete = (_NONE, parts * own, *[rooted(rest, subtree.color) for rest in skeleton])
+            lifted[complete] = lifted.get(complete, 0) + sign * count
         return lifted
 
-    lifted = fold(tree, {(_NONE, _NONE, _NONE): 1}, lift)
-    return FormalSum.from_terms({(parts, skeleton): n for (own, parts, skeleton), n in lifted.items() if not own})
+    lifted = fold(tree, {(_NONE,) * (2 + skeletons): 1}, lift)
+    return FormalSum.from_terms({tuple(factors): n for (own, *factors), n in lifted.items() if not own})
 
 
 def substitution_counit(x: Summand) -> Any:
@@ -167,7 +158,7 @@ def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: in
         work = 0
         for tree in forest:
             image = of_tree(tree).terms
-            work += work_of(value, image, forest.order)
+            work += sums.work_of(value, image, forest.order)
             check_work(work)
             value = multiply_terms(value, image)
         return FormalSum.from_terms(value)
@@ -190,24 +181,7 @@ def antipode(x: Summand) -> FormalSum:
     References:
         Connes, Kreimer (1998), doi:10.1007/s002200050499.
     """
-    return multiplicative(x, _signed_partitions, 1)
-
-
-@lru_cache(maxsize=KEPT)
-def _signed_partitions(tree: Tree) -> FormalSum:
-    """As `_partitions`, without the skeleton, with a sign for each part."""
-
-    def lift(subtree: Tree, partitions: Terms) -> Terms:
-        lifted: dict[Any, Any] = {}
-        for (inner, parts), count in partitions.items():
-            own = rooted(inner, subtree.color)
-            lifted[own, parts] = count
-            complete = (_NONE, parts * own)
-            lifted[complete] = lifted.get(complete, 0) - count
-        return lifted
-
-    lifted = fold(tree, {(_NONE, _NONE): 1}, lift)
-    return FormalSum.from_terms({(parts,): count for (own, parts), count in lifted.items() if not own})
+    return multiplicative(x, partial(_partitions, skeletons=0, sign=-1), 1)
 
 
 def substitution_antipode(x: Summand) -> FormalSum:

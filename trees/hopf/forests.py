@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from bisect import insort
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import lru_cache, total_ordering
 from itertools import groupby
 from math import factorial, prod
@@ -115,16 +115,9 @@ class Forest:
     __rmul__ = __mul__
 
     def text(self, names: Iterable[str] | None = None) -> str:
-        """The forest as text, unique for each forest; `Forest` reads it back.
+        """The forest as text, which `Forest` reads back: its trees, ascending, with ``·`` between them; or ``∅``.
 
-        Args:
-            names: One name per colour; None for the default names.
-
-        Returns:
-            The trees, ascending, separated by ``·``; ``∅`` for the empty forest.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        The argument and the errors are those of `Tree.text`.
 
         Example:
             >>> Forest("q·p[q]").text(), Forest("q·p[q]").text(["fast", "slow"])
@@ -141,7 +134,10 @@ class Forest:
             \tau \cdot [\tau]
         """
         common = common_names(self._trees, names)
-        return " \\cdot ".join([_tree_latex(tree, common) for tree in self._trees]) or "\\emptyset"
+        if not common[0]:
+            return self.text().replace("τ", "\\tau").replace("·", " \\cdot ").replace(EMPTY, "\\emptyset")
+        trees = (nest(tree.levels, map(latex_name, node_names(tree.colors, common)), "[", "]") for tree in self._trees)
+        return " \\cdot ".join(trees) or "\\emptyset"
 
     def _repr_latex_(self) -> str:
         return f"${self.to_latex()}$"
@@ -186,12 +182,6 @@ def common_names(trees: Iterable[Tree], names: Iterable[str] | None) -> tuple[st
     if names is not None:
         return check_names(names)
     return default_names(1 + max((color for tree in trees for color in tree.colors), default=0))
-
-
-def _tree_latex(tree: Tree, names: Sequence[str]) -> str:
-    if not names[0]:
-        return tree.text(names).replace("τ", "\\tau")
-    return nest(tree.levels, map(latex_name, node_names(tree.colors, names)), "[", "]")
 
 
 def _read(text: str, names: Iterable[str] | None) -> list[Tree]:

@@ -155,9 +155,6 @@ class FormalSum:
     def items(self) -> Iterator[tuple[Any, Any]]:
         """Each basis element, a `Forest` or a tuple of them, with its coefficient, in ascending order.
 
-        Returns:
-            An iterator over pairs.
-
         Example:
             >>> list(FormalSum({("τ", "∅"): 3}).items())
             [((Forest('τ'), Forest('∅')), 3)]
@@ -228,9 +225,6 @@ class FormalSum:
         Args:
             other: The right factor: a sum, forest, tree or tuple of forests.
 
-        Returns:
-            A sum of terms with the factors of both.
-
         Raises:
             TreeError: If `other` is none of these, or there are too many terms.
 
@@ -248,9 +242,6 @@ class FormalSum:
         Args:
             rule: Returns a sum, forest, tree, or tuple of forests for each element, a `Forest`, or a tuple of forests
                 in a sum of tensor products.
-
-        Returns:
-            The sum of coefficient · rule(element).
 
         Raises:
             TreeError: If the rule returns anything else, or elements with different numbers of factors.
@@ -292,14 +283,8 @@ class FormalSum:
     def text(self, names: Iterable[str] | None = None) -> str:
         """The sum as text, unique for each sum with rational coefficients.
 
-        Args:
-            names: One name per colour; None for the default names.
-
-        Returns:
-            The terms, ascending: coefficients, forests with ``·`` between trees, ``⊗`` between tensor factors.
-
-        Raises:
-            TreeError: If a name is invalid or a colour has none.
+        Terms ascend, with ``·`` between trees and ``⊗`` between tensor factors. The argument and the errors are those
+        of `Tree.text`.
 
         Example:
             >>> FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
@@ -309,7 +294,7 @@ class FormalSum:
         return write_sum((c, "⊗".join([forest.text(common) for forest in factors])) for factors, c in self._sorted())
 
     def to_latex(self, names: Iterable[str] | None = None) -> str:
-        r"""The sum in LaTeX; the arguments are those of `text`.
+        r"""The sum in LaTeX; the argument is that of `text`.
 
         Example:
             >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
@@ -382,12 +367,7 @@ def _check_alike(argument: str, terms: Iterable[Factors]) -> None:
 
 
 def exact_coefficient(value: Any) -> Any:
-    """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression.
-
-    Example:
-        >>> exact_coefficient(Fraction(4, 2)), exact_coefficient(Fraction(1, 2))
-        (2, Fraction(1, 2))
-    """
+    """A coefficient in its narrowest exact type: int, Fraction, or an expanded SymPy expression."""
     if type(value) is int:
         return value
     if isinstance(value, Rational) and not isinstance(value, bool):
@@ -406,12 +386,7 @@ def exact_coefficient(value: Any) -> Any:
 
 
 def write_sum(terms: Iterable[tuple[Any, str]], number: Callable[[Any], str] = str) -> str:
-    """The text of a sum of terms, given by coefficients and texts.
-
-    Example:
-        >>> write_sum([(-1, "x"), (2, "y"), (Fraction(-1, 2), "z")]), write_sum([])
-        ('-x + 2 y - 1/2 z', '0')
-    """
+    """The text of a sum of terms, given by coefficients and texts."""
     parts = []
     for coefficient, text in terms:
         scale = number(coefficient)

@@ -1,22 +1,29 @@
-"""Cost of effects: times of a step and of a field evaluation, and numbers of trees."""
+"""A scene with any subset of its effects, and their cost: times of a step and of the field, numbers of trees."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
+import numpy as np
+
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
-from bseries.fields.scene_trees import trees_of_method
+from bseries.fields.modified_fields import trees_of_method
 from foundation.diagrams import bar_height, draw_bars, write_title
 from foundation.plotting import drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
+from integrators.scenes.catalogue.registry import SceneEntry, find_entry, scene_catalogue
+from integrators.scenes.catalogue.registry import scene as built_in
+from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -27,6 +34,115 @@ NANO, WIDTH = 1e9, 12.0
 """Nanoseconds of a second; centimetres of a plot."""
 ORDER = 6
 """The largest number of nodes of trees: two orders beyond the terms of the usual methods of order 4."""
+Names = tuple[str, ...]
+
+
+class EffectVariants(NamedTuple):
+    """A scene with any subset of its effects."""
+
+    effects: Mapping[str, str]  # with their descriptions
+    build: Callable[[Names], Scene]  # the scene with exactly these effects
+    bodies: Callable[[Collection[str]], Sequence[str]] | None = None  # names of particles, if effects change these
+
+    @property
+    def names(self) -> Names:
+        """The names of the effects."""
+        return tuple(self.effects)
+
+    @property
+    def full(self) -> Scene:
+        """The scene with all effects."""
+        return self.build(self.names)
+
+    def without(self, *left_out: str) -> Names:
+        """All effects except these."""
+        return tuple(name for name in self.effects if name not in left_out)
+
+    def shared(self, more: Names, less: Names) -> tuple[np.ndarray, np.ndarray]:
+        """The places of the variables, except the time, that exist with both sets of effects."""
+        places = {label: k for k, label in enumerate(self._labels(more))}
+        pairs = [(places[label], k) for k, label in enumerate(self._labels(less)) if label != TIME]
+        first, second = np.array(pairs, dtype=np.intp).T
+        return first, second
+
+    def parts(self, given: Any, scene: Scene) -> Any:
+        """The assignment of a method's parts with these effects, without blocks that only other effects add."""
+        if not isinstance(given, Mapping):
+            return given
+        absent = {block.name for block in self.full.blocks} - {block.name for block in scene.blocks}
+        lists = {name: [value] if isinstance(value, str) else value for name, value in given.items()}
+        return {name: [block for block in blocks if block not in absent] for name, blocks in lists.items()}
+
+    def _labels(self, names: Names) -> Iterator[Any]:
+        """An identifier for each variable: its name, or its body and component."""
+        scene = self.build(names)
+        if self.bodies is None:
+            yield from scene.variables
+            return
+        bodies = self.bodies(names)
+        for block in scene.blocks:
+            yield from ((body, component) for body in bodies for component in block.components)
+
+
+def effect_variants(
+    scene: Scene | str,
+    effects: str | Iterable[str] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    start: Mapping[str, Any] | None = None,
+) -> EffectVariants:
+    """The combinations of the effects of a scene.
+
+    Example:
+        >>> found = effect_variants("pendulum", ["drive", "damping"], {"gamma": "1/5"})
+        >>> found.without("drive"), found.build(("damping",)).field
+        (('damping',), (-p/5 - sin(q), p))
+    """
+    values, blocks = _mapping(parameters, "parameters"), _mapping(start, "start")
+    chosen = (effects,) if isinstance(effects, str) else tuple(items(effects or (), "effects"))
+    if effects is not None and not chosen:
+        raise SeriesError("effects must name one effect or more, or be None for those of the scene, but was empty")
+    if isinstance(scene, str):
+        entry = find_entry(scene)
+        names = chosen or tuple(entry.effects)
+        if entry.built_in_effects is not None:
+            return _built_anew(entry, names, values, blocks)
+        full = built_in(entry.name, names, **values)
+    elif isinstance(scene, Scene):
+        full = scene.with_effects(*(chosen or scene.active or scene.effects), **values)
+    else:
+        raise SeriesError(f"scene must be a Scene or the name of one, but was {scene!r:.60}")
+    if not full.active:
+        raise _no_effects(full)
+    full = full.with_start(**blocks)
+    known = {name: full.effects[name].summary or "" for name in full.active}
+    return EffectVariants(known, cache(lambda names: full.with_effects(*names)))
+
+
+def _mapping(values: Any, argument: str) -> dict[str, Any]:
+    if values is not None and not isinstance(values, Mapping):
+        raise SeriesError(f"{argument} must map names to values, but was {values!r:.60}")
+    return dict(values or {})
+
+
+def _built_anew(entry: SceneEntry, names: Names, values: dict[str, Any], start: dict[str, Any]) -> EffectVariants:
+    """Effects of scenes that are built with them; their parameters exist only with them."""
+    options = {name: values.pop(name) for name in list(values) if name in entry.options}
+    full = built_in(entry.name, names, **options, **values).with_start(**start)
+
+    def build(names: Names) -> Scene:
+        scene = built_in(entry.name, names, **options).with_start(**start)
+        return scene.with_parameters(**{name: value for name, value in values.items() if name in scene.parameters})
+
+    known = {name: text for name, text in (entry.built_in_effects or {}).items() if name in names}
+    if not known:
+        raise _no_effects(full)
+    return EffectVariants(known, cache(build), entry.bodies)
+
+
+def _no_effects(scene: Scene) -> SeriesError:
+    by_name = any(entry.name == scene.name and entry.built_in_effects for entry in scene_catalogue())
+    hint = "; its effects are chosen when it is built, so give its name in place of the scene" * by_name
+    return SeriesError(f"scene must have effects, but {scene.title} has none{hint}")
 
 
 @dataclass(frozen=True)
@@ -139,27 +255,25 @@ class EffectCosts(Sequence[CostRow]):
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
+def _time_columns(what: str) -> tuple[Column, Column]:
+    """The time of a step or of the field in nanoseconds, and half the distance of its quartiles."""
+    time = attrgetter(what)
+    half = Column("±", True, lambda row: f"{(time(row).high - time(row).low) / 2 * NANO:.1f}")
+    return Column(what, True, lambda row: f"{time(row).seconds * NANO:,.1f} ns"), half
+
+
 _COLUMNS = (
     Column("on", True, lambda row: len(row.effects)),
     Column("effects", get=lambda row: ", ".join(row.effects)),
-    Column("step", True, lambda row: f"{row.step.seconds * 1e9:,.1f} ns"),
-    Column("±", True, lambda row: f"{(row.step.high - row.step.low) / 2 * 1e9:.1f}"),
-    Column("field", True, lambda row: f"{row.field.seconds * 1e9:,.1f} ns"),
-    Column("±", True, lambda row: f"{(row.field.high - row.field.low) / 2 * 1e9:.1f}"),
+    *_time_columns("step"),
+    *_time_columns("field"),
     Column("trees", True, lambda row: "" if row.trees is None else f"{row.trees:,}"),
     Column("of", True, lambda row: "" if row.all_trees is None else f"{row.all_trees:,}"),
 )
+_TIMES = [f"{what}.{part}" for what in ("step", "field") for part in ("seconds", "low", "high")]
 _FIELDS = (
     ("on", lambda row: len(row.effects)),
-    ("effects", lambda row: row.effects),
-    ("step_seconds", lambda row: row.step.seconds),
-    ("step_low", lambda row: row.step.low),
-    ("step_high", lambda row: row.step.high),
-    ("field_seconds", lambda row: row.field.seconds),
-    ("field_low", lambda row: row.field.low),
-    ("field_high", lambda row: row.field.high),
-    ("trees", lambda row: row.trees),
-    ("all_trees", lambda row: row.all_trees),
+    *((name.replace(".", "_"), attrgetter(name)) for name in ("effects", *_TIMES, "trees", "all_trees")),
 )
 
 
@@ -202,9 +316,13 @@ def effect_costs(
     options = {"solver": solver}
     steps = variant_costs(variants, nested, method, step, parts=parts, options=options)
     fields = variant_costs(variants, nested, "explicit-euler", step / MOST_STEPS, options={"compensated": False})
-    rows = (
-        CostRow(names, steps[names], fields[names], *_trees(variants, names, method, parts, order)) for names in nested
-    )
+    rows = list[CostRow]()
+    for names in nested:
+        scene, counts = variants.build(names), (None, None)
+        if not auxiliary_colors(method):  # methods with a matrix are no series of trees of the scene
+            trees = trees_of_method(method, order, scene, variants.parts(parts, scene))
+            counts = len(trees.table), trees.total
+        rows.append(CostRow(names, steps[names], fields[names], *counts))
     return EffectCosts(variants.full.name, method.name, step, order, tuple(rows))
 
 
@@ -225,14 +343,3 @@ def variant_costs(
         given = {**options, "parts": variants.parts(parts, scene)}
         work[", ".join(names)] = Work(scene, method, h, options=given, most_steps=most_steps)
     return dict(zip(chosen, step_costs(work).values(), strict=True))
-
-
-def _trees(
-    variants: EffectVariants, names: Names, method: Method, parts: Any, order: int
-) -> tuple[int | None, int | None]:
-    """The numbers of trees in the modified equation on the scene and in general; None for methods with a matrix."""
-    scene = variants.build(names)
-    if auxiliary_colors(method):
-        return None, None
-    trees = trees_of_method(method, order, scene, variants.parts(parts, scene))
-    return len(trees.table), trees.total

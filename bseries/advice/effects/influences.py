@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bseries.advice.effects.costs import variant_costs
-from bseries.advice.effects.variants import EffectVariants, Names, effect_variants
+from bseries.advice.effects.costs import EffectVariants, Names, effect_variants, variant_costs
 from bseries.advice.measures import (
     ENERGY,
     SOLUTION,
@@ -50,6 +49,13 @@ MARGIN = 2.0
 each may change the influence of the other by its whole size."""
 MEASURABLE = 0.03
 """Smallest relative difference of two times that can be measured: repeated medians differ by that much."""
+
+
+EXPLANATION = (
+    "solution, energy: what leaving an effect out of all changes, relative to the size of the state and to the energy "
+    "at the start; alone: the same in the scene without other effects, for the solution; step: CPU time that it adds "
+    "to a step."
+)
 
 
 class Influence(NamedTuple):
@@ -165,9 +171,15 @@ class EffectReport(NamedTuple):
     def advice(self) -> Iterator[str]:
         """The recommendation in sentences."""
         if self.leave_out:
+            if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
+                saving = ", which changes the time of a step by less than it varies"
+            elif self.saved < 0:
+                saving = f", though a step takes {-self.saved:.0%} longer"
+            else:
+                saving = f", which saves {self.saved:.0%} of a step's time"
             left_out, kept = ", ".join(self.leave_out), ", ".join(self.keep) or "none"
             accepted = f"{self.accept:.2g} is accepted for the {self.measure}"
-            yield f"Leave out {left_out}{self._saving()}; keep {kept}: {accepted}."
+            yield f"Leave out {left_out}{saving}; keep {kept}: {accepted}."
             yield (
                 f"Promised: the {self.measure} changes by at most {self.promised:.2g}, {self.margin:g} times the sum "
                 f"of influences; a run without them: {getattr(self.apart, self.measure):.2g}."
@@ -181,14 +193,6 @@ class EffectReport(NamedTuple):
         own = getattr(self.own_error, self.measure)
         if not own <= self.accept:
             yield f"The method's own error, {own:.2g}, exceeds the accepted error: use a smaller step."
-
-    def _saving(self) -> str:
-        """The effect of the recommendation on the time of a step."""
-        if abs(self.saved) <= max(MEASURABLE, (self.full.spread + self.kept.spread) / 2):
-            return ", which changes the time of a step by less than it varies"
-        if self.saved < 0:
-            return f", though a step takes {-self.saved:.0%} longer"
-        return f", which saves {self.saved:.0%} of a step's time"
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON-ready data."""
@@ -211,7 +215,36 @@ class EffectReport(NamedTuple):
 
     def to_table(self) -> Table:
         """The report as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
-        return _table(self)
+        rows = [*self.rows, EffectRow("", "", Influence(0.0, None), self.own_error)]  # that of the method has no name
+        values: tuple[tuple[str, Callable[[EffectRow], Any], str, Callable[[Any], str]], ...] = (
+            ("effect", lambda row: row.name, "effect", lambda name: name or "(error of the method)"),
+            ("solution", lambda row: row.left_out.solution, "solution", "{:.2g}".format),
+            ("energy", lambda row: row.left_out.energy, "energy", "{:.2g}".format),
+            ("alone_solution", lambda row: row.alone.solution if row.name else None, "alone", "{:.2g}".format),
+            ("alone_energy", lambda row: row.alone.energy, "", str),
+            ("seconds", lambda row: row.seconds, "step", lambda x: f"{x * 1e9:+.1f} ns"),
+            ("uncertainty", lambda row: row.uncertainty, "±", lambda x: f"{x * 1e9:.1f}"),
+            (
+                "leave_out", lambda row: str(row.name in self.leave_out).lower() if row.name else None,
+                "advice", lambda x: "leave out" if x == "true" else "keep",
+            ),
+        )  # fmt: skip
+
+        def column(get: Callable[[EffectRow], Any], heading: str, text: Callable[[Any], str]) -> Column:
+            is_number = heading not in ("effect", "advice")
+            return Column(heading, is_number, lambda row: "" if (value := get(row)) is None else text(value))
+
+        known = (("no effects", self.bare), ("all", self.full), ("the recommended ones", self.kept))
+        times = (f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in known if found is not None)
+        return Table(
+            f"Effects of {self.scene}, {self.method}: {self.steps:,} steps of {self.h:g}",
+            [column(get, heading, text) for _, get, heading, text in values if heading],
+            rows,
+            [EXPLANATION, f"A step takes {', '.join(times)}.", *self.advice()],
+            data=self.to_dict,
+            items="rows",
+            records=listed([(key, get) for key, get, *_ in values], rows),
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """What leaving out each effect changes, against the accepted error and the error of the method itself.
@@ -255,48 +288,6 @@ class EffectReport(NamedTuple):
 def _numbers(influence: Influence) -> dict[str, float | None]:
     """An influence as JSON-ready data, with null for infinity."""
     return {key: value if value is not None and isfinite(value) else None for key, value in influence._asdict().items()}
-
-
-EXPLANATION = (
-    "solution, energy: what leaving an effect out of all changes, relative to the size of the state and to the energy "
-    "at the start; alone: the same in the scene without other effects, for the solution; step: CPU time that it adds "
-    "to a step."
-)
-
-
-def _table(report: EffectReport) -> Table:
-    """A row for each effect, and one for the method itself, which has no name."""
-
-    def is_left_out(row: EffectRow) -> str | None:
-        return str(row.name in report.leave_out).lower() if row.name else None
-
-    rows = [*report.rows, EffectRow("", "", Influence(0.0, None), report.own_error)]
-    values: tuple[tuple[str, Callable[[EffectRow], Any], str, Callable[[Any], str]], ...] = (
-        ("effect", lambda row: row.name, "effect", lambda name: name or "(error of the method)"),
-        ("solution", lambda row: row.left_out.solution, "solution", "{:.2g}".format),
-        ("energy", lambda row: row.left_out.energy, "energy", "{:.2g}".format),
-        ("alone_solution", lambda row: row.alone.solution if row.name else None, "alone", "{:.2g}".format),
-        ("alone_energy", lambda row: row.alone.energy, "", str),
-        ("seconds", lambda row: row.seconds, "step", lambda x: f"{x * 1e9:+.1f} ns"),
-        ("uncertainty", lambda row: row.uncertainty, "±", lambda x: f"{x * 1e9:.1f}"),
-        ("leave_out", is_left_out, "advice", lambda x: "leave out" if x == "true" else "keep"),
-    )
-
-    def column(get: Callable[[EffectRow], Any], heading: str, text: Callable[[Any], str]) -> Column:
-        is_number = heading not in ("effect", "advice")
-        return Column(heading, is_number, lambda row: "" if (value := get(row)) is None else text(value))
-
-    known = (("no effects", report.bare), ("all", report.full), ("the recommended ones", report.kept))
-    times = (f"{found.seconds * 1e9:,.1f} ns with {name}" for name, found in known if found is not None)
-    return Table(
-        f"Effects of {report.scene}, {report.method}: {report.steps:,} steps of {report.h:g}",
-        [column(get, heading, text) for _, get, heading, text in values if heading],
-        rows,
-        [EXPLANATION, f"A step takes {', '.join(times)}.", *report.advice()],
-        data=report.to_dict,
-        items="rows",
-        records=listed([(key, get) for key, get, *_ in values], rows),
-    )
 
 
 class EffectRuns:
@@ -348,18 +339,16 @@ class EffectRuns:
         """The states at the times of comparison, (variables, times), with steps divided into pieces."""
         scene, every = self.variants.build(names), -(-self.steps // COMPARISONS)  # rounded up
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
-        h, steps, save_every = self.h / pieces, self.steps * pieces, every * pieces
-        try:
-            return integrate(
-                self.method, scene, h=h, steps=steps, save_every=save_every, progress=self._show, **options
-            ).y
-        finally:
-            self._made += steps
+        options |= {"h": self.h / pieces, "steps": self.steps * pieces, "save_every": every * pieces}
 
-    def _show(self, done: int, total: int) -> None:
-        """Report progress; the runs that a recommendation needs are not known in advance."""
-        if self._progress is not None:
-            self._progress(self._made + done, max(self._least, self._made + total))
+        def show(done: int, total: int) -> None:  # the runs that a recommendation needs are not known in advance
+            if self._progress is not None:
+                self._progress(self._made + done, max(self._least, self._made + total))
+
+        try:
+            return integrate(self.method, scene, progress=show, **options).y
+        finally:
+            self._made += self.steps * pieces
 
     def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
         """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
@@ -449,8 +438,12 @@ def effect_influence(
         )
     rows = [EffectRow(name, text, runs.alone(name), runs.without(name)) for name, text in variants.effects.items()]
     left_out = _recommended(runs, rows, measure, accepted, factor)
-    times = _times(runs, left_out, parts, solver)
-    full = times[variants.names]
+    names, kept = variants.names, variants.without(*left_out)
+    wanted_times = {(), names, kept, *map(variants.without, names)}
+    able = [chosen for chosen in sorted(wanted_times) if runs.run(chosen) is not None]
+    options = {"solver": solver}
+    times = variant_costs(variants, able, method, step, parts=parts, options=options, most_steps=runs.steps)
+    full = times[names]
     return EffectReport(
         scene=variants.full.name,
         method=method.name,
@@ -465,7 +458,7 @@ def effect_influence(
         apart=runs.without(*left_out),
         bare=times.get(()),
         full=full,
-        kept=times[variants.without(*left_out)],
+        kept=times[kept],
     )
 
 
@@ -495,13 +488,3 @@ def _recommended(
     while chosen and not getattr(runs.without(*chosen), measure) <= margin * sum(influence[name] for name in chosen):
         chosen.pop()
     return tuple(name for name in influence if name in chosen)
-
-
-def _times(runs: EffectRuns, left_out: Names, parts: Any, solver: str) -> dict[Names, Timing]:
-    """Seconds per step with no effects, all, all but one, and the recommended ones, if these runs succeed."""
-    variants = runs.variants
-    wanted = {(), variants.names, variants.without(*left_out), *map(variants.without, variants.names)}
-    able = [names for names in sorted(wanted) if runs.run(names) is not None]
-    return variant_costs(
-        variants, able, runs.method, runs.h, parts=parts, options={"solver": solver}, most_steps=runs.steps
-    )

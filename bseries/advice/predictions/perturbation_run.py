@@ -61,13 +61,12 @@ class PerturbationRun(NamedTuple):
 
 
 def perturbation_run(
-    terms: ModifiedTerms, slopes: Any, y0: np.ndarray, h: float, span: float, t0: float = 0.0, most: int = 0
+    terms: ModifiedTerms, slopes: Any, y0: np.ndarray, h: float, span: float, t0: float = 0.0
 ) -> PerturbationRun | None:
     """Compute the exact flow and the modified equation over a span, or over the part that the CPU time allows.
 
-    `slopes` is ∇H as a function of states, `span` has the sign of h, and `most` is the largest number of impulses, by
-    default `MOST_POINTS`. There is no result if the span is shorter than the time scale and all effects are below the
-    rounding of a step.
+    `slopes` is ∇H as a function of states, and `span` has the sign of h. There is no result if the span is shorter than
+    the time scale and all effects are below the rounding of a step.
 
     Example:
         >>> import bseries as bs
@@ -89,7 +88,7 @@ def perturbation_run(
     factor = max(1.0, DISTANCE * size / (abs(spacing) * RESOLUTION * effect))
 
     effects = _Effects(terms, slopes, powers, h, factor * spacing / 2)
-    flow, count = stepper(METHOD, scene), min(total, most or MOST_POINTS)
+    flow, count = stepper(METHOD, scene), min(total, MOST_POINTS)
     exact, other = (flow.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in range(2))
     y, z = [y0[:, None]], [y0[:, None]]
     other.values += effects.impulses(y[0])[:, 0]

@@ -109,7 +109,7 @@ class Prediction(NamedTuple):
         energy: The largest change of the energy, relative to its value at the start if that is not 0.
         solution: The largest distance from the exact solution, relative to the largest state of the whole run.
         powers: The powers of h in the modified equation from which the errors follow; may be empty.
-        pilot: The part of the run covered by the perturbation run, from 0 to 1; errors of the rest follow a growth law.
+        pilot: The part of the run, from 0 to 1, over which errors are expected: that which the perturbation run covers.
 
     Example:
         >>> import bseries as bs
@@ -130,7 +130,7 @@ class Prediction(NamedTuple):
         """The origin of expected errors."""
         if not self.powers:
             return ""
-        rest = "" if self.pilot >= 1 else f", extrapolated from {100 * self.pilot:.2g} % of the time"
+        rest = "" if self.pilot >= 1 else f", over the first {100 * self.pilot:.2g} % of the time"
         return f"from the modified equation to h^{self.powers[-1]}{rest}"
 
     def __str__(self) -> str:

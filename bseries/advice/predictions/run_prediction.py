@@ -1,22 +1,24 @@
-"""Prediction of a run: its time from a calibration, its errors from the modified equation."""
+"""Prediction of a run: its time from a calibration, its errors from the modified equation.
+
+Errors come from a perturbation run over the whole run, or over a part of it; nothing is extrapolated.
+
+References:
+    HLW, section IX.8 (modified equations and energies).
+"""
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
+from inspect import signature
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from bseries.advice.predictions.expected_errors import (
-    NO_ENERGY,
-    NOT_SMALL,
-    ONLY_ROUNDING,
-    expected_energy_error,
-    expected_solution_error,
-)
+from bseries.advice.measures import energy_size, largest_size, norms, without_time
 from bseries.advice.predictions.modified_terms import gradient, in_floats, modified_terms
-from bseries.advice.predictions.perturbation_run import perturbation_run
+from bseries.advice.predictions.perturbation_run import PerturbationRun, perturbation_run
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
 from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
@@ -26,6 +28,7 @@ from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive, step_count
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
+from integrators.runs.integration import integrate
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
@@ -35,12 +38,37 @@ Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
 
 LEFT_OUT = "to", "checkpoint", "progress"
 """Options of `integrate` that a prediction refuses, since it must not change the files of the run."""
-CHECKED = 512
-"""Impulses up to which the perturbation run is repeated with one term less: several periods."""
 SPEEDS = 256
 """Number of states at which speeds of variables are compared: several in each period."""
 FARTHEST = 9
 """Largest order at which the structure of the method is checked; trees with more nodes take seconds."""
+AGREEMENT = 2.0
+"""Largest ratio of energy errors with all terms and with one less: the next term changes less, and predictions may be
+off by a factor of 3."""
+UNBOUNDED = 1.5
+"""A variable whose range grows by a larger factor in the second half of the time is unbounded: the factor of an angle
+at constant pace is 2, and that of an oscillation 1."""
+LINEAR = 1e-2
+"""Largest relative distance that is proportional to r up to about its square."""
+NEAR = 0.1
+"""Errors up to this part of the size of the orbit grow freely; larger ones begin to be bounded by it."""
+BEYOND = 2.0
+"""Largest distance of a variable, as a multiple of its range, between motions of the same kind: twice the distance that
+two solutions within that range can have."""
+BOUND = 0.5
+"""Errors up to this part of the size of the orbit are returned unchanged; larger ones are called of that size."""
+REGULAR = 6.0
+"""Largest growth of a regular error in the second half of the time: quadratic growth has a factor of 4, and half of the
+factor of 3 allowed for predictions is left to oscillations. In chaos errors grow exponentially."""
+ROUNDING = 1e-14
+"""Smaller relative errors are dominated by rounding, some tens of units in the last place."""
+
+NO_ENERGY = "there is no energy that the scene conserves"
+TERMS_DIFFER = "terms of the modified equation up to h^{last} and one less lead to errors that differ by more than 2"
+ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
+CHAOTIC = "it grows to the size of the orbit faster than in regular motion, as in chaos"
+ONLY_ROUNDING = "rounding will be larger"
+NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
 
 
 def predict_run(
@@ -60,13 +88,12 @@ def predict_run(
     """The expected time and errors of a run.
 
     The time is measured on a part of the run, by the same code. Errors come from a solution of the modified equation
-    y' = f(y) + h^p f_{p+1}(y) + … beside the exact flow: over the whole run, or over a part of it, with a growth law of
-    regular motion for the rest.
+    y' = f(y) + h^p f_{p+1}(y) + … beside the exact flow, over the whole run, or over the part of it that takes some
+    seconds to follow, about 400 periods; `Prediction.pilot` is this part. Errors later in the run may be larger.
 
     Known errors should be within a factor of 3 (`docs/prediction.md` lists motions where they are not). They are
-    unknown if terms of the modified equation do not decrease at this step size, if two truncations lead to errors that
-    differ by more than a factor of 2, if parts of the time followed lead to errors at the end that differ by more than
-    a factor of 1.5, as in chaos, or if the energy drifts so far that the orbit itself would change.
+    unknown if terms of the modified equation do not decrease at this step size, if two truncations lead to energies
+    that differ by more than a factor of 2, in chaos, or if the energy changes so far that the orbit is another one.
 
     Args:
         method: The method, or its name.
@@ -90,18 +117,14 @@ def predict_run(
         >>> found = predict_run("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=10**8)
         >>> print(found.energy, found.powers, 1 < found.seconds < 1000)
         2.8e-02 (2, 4) True
-        >>> print(found.solution)
-        2.0e+00: of the size of the orbit
+        >>> found.pilot < 1e-3
+        True
 
     References:
-        HLW, sections IX.8 (energy), X.3 (linear growth of errors); E. Hairer, lecture on long-time behaviour.
+        HLW, section IX.8 (energy); E. Hairer, lecture on long-time behaviour.
     """
     method = as_method(method)
     scene = as_scene(scene)
-    from inspect import signature
-
-    from integrators import integrate
-
     run = {"h": h, "y0": y0, "t0": t0, "parts": parts, **options}
     for name in LEFT_OUT:
         if options.get(name) is not None:
@@ -126,45 +149,39 @@ def _expected_errors(
 ) -> Errors:
     """The errors of energy and solution, the powers of h, and the part of the time covered by the perturbation run."""
 
-    def unknown(reason: str) -> Errors:
-        return ExpectedError(None, reason), ExpectedError(None, reason), (), 0.0
-
-    def zero(reason: str, powers: tuple[int, ...]) -> Errors:
-        exact = ExpectedError(0.0, reason)
-        return exact if scene.is_hamiltonian else ExpectedError(None, NO_ENERGY), exact, powers, 1.0
+    def both(value: float | None, reason: str, powers: tuple[int, ...] = ()) -> Errors:
+        found = ExpectedError(value, reason)
+        energy = found if value is None or scene.is_hamiltonian else ExpectedError(None, NO_ENERGY)
+        return energy, found, powers, 0.0 if value is None else 1.0
 
     if control is not None:
-        return unknown("the modified equation is that of constant steps")
-    span, fewer = h * steps, None
+        return both(None, "the modified equation is that of constant steps")
+    span = h * steps
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # infinities are reported below
             terms = modified_terms(method, scene, parts)
             if not terms.powers or not steps:
-                return zero("only rounding", ())
+                return both(0.0, "only rounding")
             if (order := _first_not_symplectic(method, terms.field.order)) is not None:
                 terms = modified_terms(method, scene, parts, order=order)
             slopes = gradient(scene)
             run = perturbation_run(terms, slopes, y0, h, span, t0)
             if run is None:
-                return zero(ONLY_ROUNDING, terms.powers)
+                return both(0.0, ONLY_ROUNDING, terms.powers)
             if not run.is_complete:
-                return unknown(NOT_SMALL)
-            if len(run.powers) > 1:
-                less = terms._replace(powers=run.powers[:-1])
-                fewer = perturbation_run(less, None, y0, h, span, t0, most=CHECKED)
+                return both(None, NOT_SMALL)
             if not np.isfinite(run.errors).all():
-                return unknown("terms of the modified equation are not finite along the solution")
-            is_hamiltonian, times = terms.is_hamiltonian(run.y), max(1.0, float(span / run.t[-1]))
+                return both(None, "terms of the modified equation are not finite along the solution")
             along = None if slopes is None else slopes(run.y)
             moves = terms.moves(run.y[:, :: max(1, run.y.shape[1] // SPEEDS)])
-            energy = expected_energy_error(scene, run, along, moves, times, y0, is_hamiltonian)
-            solution = expected_solution_error(scene, run, fewer, span, energy, 1 if is_hamiltonian else 2)
+            energy = expected_energy_error(scene, run, along, moves, y0)
+            solution = expected_solution_error(scene, run, energy)
     except StepError as error:
-        return unknown(f"the solution could not be computed beyond t = {error.t:.3g}")
+        return both(None, f"the solution could not be computed beyond t = {error.t:.3g}")
     except (IntegratorError, SeriesError) as error:
-        return unknown(str(error))
-    return energy, solution, run.powers, float(1 / times)
+        return both(None, str(error))
+    return energy, solution, run.powers, min(1.0, float(run.t[-1] / span))
 
 
 def _first_not_symplectic(method: Method, order: int) -> int | None:
@@ -181,3 +198,49 @@ def _first_not_symplectic(method: Method, order: int) -> int | None:
         return None
     found = symplecticity(in_floats(method) if method.digits is not None else method, FARTHEST).order
     return found + 2 if order <= found < FARTHEST else None
+
+
+def expected_energy_error(
+    scene: Scene, run: PerturbationRun, slopes: np.ndarray | None, moves: np.ndarray, y0: np.ndarray
+) -> ExpectedError:
+    """The largest change of the energy during a perturbation run.
+
+    `slopes` is ∇H along the run, `moves` the distance that each variable moves within the time scale.
+    """
+    if run.changes is None or slopes is None:
+        return ExpectedError(None, NO_ENERGY)
+    changes, size = run.changes, energy_size(scene, y0)
+    expected = float(abs(changes.sum(axis=0)).max()) / size
+    fewer = float(abs(changes[: max(1, len(changes) - 1)].sum(axis=0)).max()) / size
+    if expected < ROUNDING:
+        return ExpectedError(expected, ONLY_ROUNDING)
+    if max(expected, fewer) > AGREEMENT * min(expected, fewer):
+        return ExpectedError(None, TERMS_DIFFER.format(last=run.powers[-1]))
+    # The energy of the orbit is the mean of Σ |∂H/∂y_i · (y_i − ȳ_i)| / 2, which is H for oscillators.
+    away = np.minimum(abs(run.y - run.y.mean(axis=1)[:, None]), moves[:, None])  # unbounded variables count with moves
+    if expected * size > float((abs(slopes) * away).sum(axis=0).mean() / 2):
+        return ExpectedError(None, ANOTHER_ORBIT)
+    return ExpectedError(expected)
+
+
+def expected_solution_error(scene: Scene, run: PerturbationRun, energy: ExpectedError) -> ExpectedError:
+    """The largest error of the solution during a perturbation run, relative to the largest state."""
+    if energy.reason in (ANOTHER_ORBIT, NOT_SMALL):
+        return energy
+    y, errors = without_time(scene, run.y), without_time(scene, run.errors)
+    sizes, largest = norms(errors), largest_size(y)
+    unbounded = np.ptp(y, axis=1) > UNBOUNDED * np.ptp(y[:, : y.shape[1] // 2 + 1], axis=1)  # ranges keep growing
+    ranges = np.where(unbounded, math.inf, np.ptp(y, axis=1))
+    if run.factor == 1 and (abs(errors).max(axis=1) > BEYOND * ranges + LINEAR * largest).any():
+        return ExpectedError(None, NOT_SMALL)
+    orbit = largest_size(np.where(unbounded, abs(y).max(axis=1), ranges)[:, None])
+    expected = float(sizes.max()) / largest
+    away = run.factor * sizes > LINEAR * largest if run.factor > 1 else sizes > NEAR * orbit
+    if run.factor > 1 and away.any():
+        return ExpectedError(None, CHAOTIC)
+    if sizes.max() <= BOUND * orbit:
+        return ExpectedError(expected, "" if expected > ROUNDING else ONLY_ROUNDING)
+    free = int(np.argmax(away))
+    if free < 2 or sizes[:free].max() > REGULAR * sizes[: free // 2 + 1].max():
+        return ExpectedError(None, CHAOTIC)
+    return ExpectedError(expected, "of the size of the orbit")

@@ -6,20 +6,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from operator import itemgetter
-from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.predictions.prediction import duration
 from bseries.advice.timing import machine
-from bseries.advice.work_precision.candidates import Methods, candidates
 from bseries.advice.work_precision.recommendation import Recommendation, choose
 from bseries.advice.work_precision.sweeps import (
     LEAST_SECONDS,
     Curve,
     Judge,
+    Methods,
     Row,
-    solution_at,
+    candidates,
     sweep,
     time_scale,
     timed_curves,
@@ -27,7 +26,7 @@ from bseries.advice.work_precision.sweeps import (
 from foundation.diagrams import MARKERS, draw_legend, line_style, write_title
 from foundation.plotting import drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
-from integrators.core.arguments import MOST_STEPS, check_progress
+from integrators.core.arguments import check_progress
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import read_number, read_positive
 from integrators.scenes.catalogue.registry import as_scene
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
 
-    from bseries.advice.work_precision.sweeps import Curve
-
 BUDGET = 0.2
 """CPU seconds for the longest run of a method: a dozen methods take five seconds, since all runs of a method take about
 twice as long as the longest."""
@@ -51,18 +48,12 @@ LOOSEST, FINEST = 1.0, 1e-15
 """Bounds of relative errors of interest: no correct digit, and all digits of doubles."""
 SPAN = 200.0
 """Default length of runs, as a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
-REFERENCE_SECONDS, REFERENCE = 10.0, 50.0
-"""CPU seconds for the reference solution, or a multiple of the budget of a run if that is more: about the time for the
-runs of all methods."""
-TRIAL, SAMPLINGS = 4.0, 3
-"""Length of the trial run for the cost of the reference, in time scales; and the number of times that the reference is
-computed until it is dense enough."""
 FINE = 100
 """Steps per time scale that the budget allows over the longest span: enough for about six digits with a method of order
 4."""
 SHORTER, TRIALS = 2.2, 8
-"""Factor by which a span is shortened while there is no reference solution, from one of 1, 2, 5, 10, … to the next; and
-the most trials."""
+"""Factor by which the default span is shortened while there is no reference solution, from one of 1, 2, 5, 10, … to the
+next; and the most trials."""
 
 
 class WorkPrecision:
@@ -72,7 +63,6 @@ class WorkPrecision:
         judge: Measures the errors of runs on the scene.
         scene: The scene.
         span: The length of all runs.
-        asked: The requested length; larger than `span` if it is too long to be measured.
         errors: The largest and the smallest error of interest.
         measures: The errors measured, of ``solution`` and ``energy``.
         curves: The methods with their rows.
@@ -93,11 +83,9 @@ class WorkPrecision:
         errors: tuple[float, float],
         curves: Sequence[Curve],
         left_out: dict[str, str],
-        asked: float | None = None,
     ):
         self.judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
         self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
-        self.asked = self.span if asked is None else asked
         self.machine = machine()
 
     def __repr__(self) -> str:
@@ -115,12 +103,6 @@ class WorkPrecision:
             notes.append(
                 f"CPU time of steps, compiled and warm, medians of interleaved rounds; distance of the quartiles: "
                 f"{spreads[len(spreads) // 2]:.0%} in the middle, {spreads[-1]:.0%} at most."
-            )
-        if self.asked > self.span:
-            notes.append(
-                f"Measured to t = {self.span:g}, {self.span / self.asked:.2g} of the requested span, since all of it "
-                f"would take too long. Recommendations are for the whole span, and assume that errors of the solution "
-                f"grow in proportion to t from there on, and that those of energies do not grow."
             )
         if failed:
             notes.append(f"{failed} of {len(rows)} runs failed, with steps too large for the method.")
@@ -140,13 +122,13 @@ class WorkPrecision:
         timed again in interleaved rounds.
 
         Args:
-            error: The error tolerance, at the end of the requested span.
+            error: The error tolerance.
             measure: The name of the error; by default the first of `measures`.
 
         Raises:
             IntegratorError: An argument cannot be used, or no method is known to meet the error.
         """
-        return choose(self.judge, self.curves, error, measure, self.asked)
+        return choose(self.judge, self.curves, error, measure)
 
     @property
     def title(self) -> str:
@@ -171,9 +153,7 @@ class WorkPrecision:
             >>> axes.get_xlabel(), axes.get_ylabel()
             ('largest error of the energy, relative to it', 'CPU time in seconds')
         """
-        measure = self.measures[0] if measure is None else measure
-        if measure not in self.measures:
-            raise IntegratorError(f"measure must be one of {', '.join(self.measures)}, but was {measure!r:.60}")
+        measure = check_measure(self.measures[0] if measure is None else measure, self.measures)
         with drawing(ax, IntegratorError, (WIDTH, HEIGHT)) as axes:
             draw_panel(axes, self.curves, self.errors, measure)
             write_title(axes, self.title)
@@ -187,7 +167,6 @@ class WorkPrecision:
             "scene": self.scene.name,
             "effects": list(self.scene.active),
             "span": self.span,
-            "asked": self.asked,
             "errors": list(self.errors),
             "measures": list(self.measures),
             "machine": self.machine,
@@ -205,7 +184,31 @@ class WorkPrecision:
         Args:
             choices: For error tolerances, the result of `best` or the reason for its refusal, printed below the table.
         """
-        return _table(self, choices or {})
+        choices, measure = choices or {}, self.measures[0]
+        first, last = (round(math.log10(error), 9) for error in self.errors)  # 1e-3 is no power of ten in doubles
+        powers = range(math.floor(first), math.ceil(last) - 1, -1)
+        decades = [float(f"1e{k}") for k in powers] or list(self.errors)
+        times = [times_of(self, error, measure, choices.get(error)) for error in decades]
+        rows = []
+        for name in (curve.candidate.name for curve in self.curves):
+            cells = (duration(t[name]) + "*" * (name == best) if name in t else "" for t, best in times)
+            rows.append([name, *cells])
+        runs = [{"method": curve.candidate.name, **_row_dict(row)} for curve in self.curves for row in curve.rows]
+        facts = [
+            {"wanted": error, **({"reason": choice} if isinstance(choice, str) else choice.to_dict())}
+            for error, choice in choices.items()
+        ]
+        advice = (_advice(error, choice) for error, choice in choices.items())
+        left_out = (f"Left out: {name}: {reason}." for name, reason in self.left_out.items())
+        return Table(
+            f"{self.title}: CPU time against the error of the {measure}",
+            [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
+            rows,
+            [*advice, *self.notes, *left_out],
+            data=lambda: {**self.to_dict(), "choices": facts},
+            items="methods",
+            records=listed([(key, itemgetter(key)) for key in (runs[0] if runs else ("method",))], runs),
+        )
 
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
@@ -236,20 +239,19 @@ def work_precision(
         methods: Methods or their names, or one; ``"auto"`` for those known to be efficient on scenes of this structure,
             ``"all"`` for all of the catalogue that fit, which takes minutes.
         scene: The scene, with a start, or the name of a built-in one.
-        span: The length of runs; by default about two hundred times |y|/|f| at the start, or less if the reference
-            solution ends before. If the reference solution, or runs with small steps, would take too long, only the
-            beginning is measured; `notes` state this, and the assumptions of recommendations about the rest.
+        span: The length of runs; by default about two hundred times |y|/|f| at the start, or less if there is no
+            reference solution over that.
         errors: The largest and the smallest error of interest.
         measure: ``"solution"`` (against the reference), ``"energy"``, or ``"all"`` for both.
-        budget: CPU seconds for the longest run of a method. The reference solution may take ten seconds, or fifty times
-            as long as a run.
+        budget: CPU seconds for the longest run of a method.
         progress: Called with the number of parts of the work that are done and of all.
 
     Returns:
         The measurements; `WorkPrecision.best` recommends a method.
 
     Raises:
-        IntegratorError: An argument cannot be used, no method fits, or none of the errors can be measured.
+        IntegratorError: An argument cannot be used, as a span for which the budget is too short; no method fits, or
+            none of the errors can be measured over the span.
 
     Example:
         >>> import bseries as bs
@@ -270,11 +272,13 @@ def work_precision(
     check_progress(progress)
     measures = MEASURES if measure == "all" else (check_measure(measure),)
     if SOLUTION not in measures and not scene.is_hamiltonian:
-        raise _unmeasurable(scene, measures, "it has no energy that is conserved")
+        problem = "energy cannot: it has no energy that is conserved"
+        raise IntegratorError(f"measure must be one that can be measured on {scene.name}, but {problem}")
     length = None if span is None else read_positive(span, "span")
-    if length is not None and not length < (longest := MOST_STEPS * time_scale(scene)):
+    longest = max(limit, BUDGET) / LEAST_SECONDS / FINE * time_scale(scene)
+    if length is not None and length > longest:
         raise IntegratorError(
-            f"span must be below {longest:.3g} for {scene.name}, whose f is large, but was {length:g}"
+            f"span must be at most {longest:.3g} for {scene.name} and this budget, but was {length:g}"
         )
     chosen, left_out = candidates(scene, methods)
     total = 2 * len(chosen)
@@ -284,19 +288,18 @@ def work_precision(
         steps = stepper(candidate.method, scene, solver=candidate.solver)
         with suppress(StepError):  # the first step compiles
             steps.advance(steps.start(h=TRIAL_STEP), 1)
-    judge = _judge(scene, length, measures, finest, limit)
+    judge = Judge(scene, length or _rounded(SPAN * time_scale(scene)), measures, finest)
+    for _ in range(TRIALS if length is None else 0):
+        if judge.problem:
+            judge = Judge(scene, _rounded(judge.span / SHORTER), measures, finest)
     if not judge.available:
-        raise _unmeasurable(scene, measures, judge.problem or "it has no energy that is conserved")
+        problem = f"{' and '.join(measures)} cannot: {judge.problem}"
+        raise IntegratorError(f"measure must be one that can be measured on {scene.name}, but {problem}")
     swept = []
     for k, candidate in enumerate(chosen):
         report(len(chosen) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
-    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out, length)
-
-
-def _unmeasurable(scene: Scene, measures: tuple[str, ...], reason: str) -> IntegratorError:
-    wanted = " and ".join(measures)
-    return IntegratorError(f"measure must be one that can be measured on {scene.name}, but {wanted} cannot: {reason}")
+    return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
 def check_errors(errors: Any) -> tuple[float, float]:
@@ -313,71 +316,11 @@ def check_errors(errors: Any) -> tuple[float, float]:
     return loosest, finest
 
 
-def _judge(scene: Scene, span: float | None, measures: tuple[str, ...], finest: float, budget: float) -> Judge:
-    """The measurement of errors; a default span, or one too long, is shortened until there is a reference solution."""
-    wanted = _rounded(SPAN * time_scale(scene)) if span is None else span
-    length = _measurable_span(scene, wanted, measures, budget)
-    judge = Judge(scene, length, measures, finest)
-    for _ in range(TRIALS):
-        if not judge.problem or not (span is None or judge.is_too_long):
-            break
-        length = _rounded(length / SHORTER)
-        judge = Judge(scene, length, measures, finest)
-    return judge
-
-
-def _measurable_span(scene: Scene, span: float, measures: tuple[str, ...], budget: float) -> float:
-    """The span, or the part of it that runs and the reference solution can cover within their time."""
-    scale = time_scale(scene)
-    longest = max(budget, BUDGET) / LEAST_SECONDS / FINE * scale
-    trial = TRIAL * scale
-    if SOLUTION in measures and span > trial:
-        with suppress(IntegratorError):  # the solution ends early, which is reported later
-            solution_at(scene, [trial], scene.y0)  # compiles
-            began = thread_time()
-            solution_at(scene, [trial], scene.y0)
-            cost = SAMPLINGS * max(thread_time() - began, LEAST_SECONDS)
-            longest = min(longest, trial * max(REFERENCE_SECONDS, REFERENCE * budget) / cost)
-    return span if span <= longest else min(span, _rounded(longest))
-
-
 def _rounded(value: float) -> float:
     """The nearest of 1, 2 and 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     nearest = min((1, 2, 5, 10), key=lambda digit: abs(math.log(value / (digit * power))))
     return float(f"{nearest * power:.0e}")
-
-
-def _table(found: WorkPrecision, choices: Mapping[float, Recommendation | str]) -> Table:
-    measure, decades = found.measures[0], _decades(found.errors)
-    times = [times_of(found, error, measure, choices.get(error)) for error in decades]
-    names = [curve.candidate.name for curve in found.curves]
-    advice = [_advice(error, choice) for error, choice in choices.items()]
-    left_out = [f"Left out: {name}: {reason}." for name, reason in found.left_out.items()]
-    about = f"CPU time against the error of the {measure}"
-
-    def data() -> dict[str, Any]:
-        facts = [
-            {"wanted": error, **({"reason": choice} if isinstance(choice, str) else choice.to_dict())}
-            for error, choice in choices.items()
-        ]
-        return {**found.to_dict(), "choices": facts}
-
-    return Table(
-        f"{found.title}: {about}",
-        [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
-        [[name, *(_cell(name, *column) for column in times)] for name in names],
-        [*advice, *found.notes, *left_out],
-        data=data,
-        items="methods",
-        records=_records(found),
-    )
-
-
-def _decades(errors: tuple[float, float]) -> list[float]:
-    """The powers of ten among the errors of interest; the errors themselves if there are none."""
-    first, last = (round(math.log10(error), 9) for error in errors)  # 1e-3 is no power of ten in doubles
-    return [float(f"1e{k}") for k in range(math.floor(first), math.ceil(last) - 1, -1)] or list(errors)
 
 
 def times_of(
@@ -388,13 +331,9 @@ def times_of(
     times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
     if isinstance(choice, str):
         return times, None
-    if choice is not None and choice.span == found.span:
+    if choice is not None:
         return {**times, **choice.examined, choice.method: choice.seconds}, choice.method
     return times, min(times, key=times.__getitem__, default=None)
-
-
-def _cell(name: str, times: dict[str, float], cheapest: str | None) -> str:
-    return duration(times[name]) + "*" * (name == cheapest) if name in times else ""
 
 
 def _advice(error: float, choice: Recommendation | str) -> str:
@@ -408,12 +347,6 @@ def _advice(error: float, choice: Recommendation | str) -> str:
         f"{duration(choice.seconds)}, error {choice.error:.1e} ({choice.basis})"
         + (f"; next {others}." if others else ".")
     )
-
-
-def _records(found: WorkPrecision) -> Table:
-    """All runs."""
-    rows = [{"method": curve.candidate.name, **_row_dict(row)} for curve in found.curves for row in curve.rows]
-    return listed([(key, itemgetter(key)) for key in (rows[0] if rows else ("method",))], rows)
 
 
 WIDTH, HEIGHT = 12.0, 8.0
@@ -455,32 +388,19 @@ def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float]
     limits = min(loosest * BEYOND, 1.0), finest / BEYOND
     panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
     panel.grid(color="#dddddd", linewidth=0.4)
-    best = _cheapest(curves, errors, measure)
+    best = set[str]()
+    for error in (loosest * (finest / loosest) ** (k / SAMPLES) for k in range(SAMPLES + 1)):
+        times = {curve.candidate.name: t for curve in curves if (t := curve.seconds(error, measure)) is not None}
+        best |= {min(times, key=times.__getitem__)} if times else set()
     for k, curve in enumerate(curves):
         points = [point for point in curve.front(measure) if limits[1] <= point[0] <= limits[0]]
         if points:
-            panel.plot(
-                *zip(*points, strict=True), label=curve.candidate.name, **_style(k, curve.candidate.name in best)
-            )
+            strong = curve.candidate.name in best
+            style: dict[str, Any] = {**line_style(k), "marker": MARKERS[k % len(MARKERS)]}
+            style |= {"linewidth": 1.8, "markersize": 5.5} if strong else {"linewidth": 0.6, "markersize": 3.2}
+            panel.plot(*zip(*points, strict=True), label=curve.candidate.name, **style)
     legend = name_curves(panel)
     legend.set_title("strong: cheapest\nfor some error")
     legend.get_title().set_fontsize(NAME_SIZE)
     for line in legend.get_lines():
         line.set_linestyle("none")  # beside a panel, lines would look like curves that go on
-
-
-def _cheapest(curves: Sequence[Curve], errors: tuple[float, float], measure: str) -> set[str]:
-    """The methods that are cheapest for some error of interest."""
-    loosest, finest = errors
-    best = set[str]()
-    for k in range(SAMPLES + 1):
-        error = loosest * (finest / loosest) ** (k / SAMPLES)
-        times = {curve.candidate.name: t for curve in curves if (t := curve.seconds(error, measure)) is not None}
-        best |= {min(times, key=times.__getitem__)} if times else set()
-    return best
-
-
-def _style(k: int, strong: bool) -> dict[str, Any]:
-    """The plot style of the k-th curve."""
-    weight = {"linewidth": 1.8, "markersize": 5.5} if strong else {"linewidth": 0.6, "markersize": 3.2}
-    return {**line_style(k), "marker": MARKERS[k % len(MARKERS)], **weight}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.advice.measures import ROUNDING, SOLUTION, check_measure, whole_steps
+from bseries.advice.measures import ROUNDING, check_measure
 from bseries.advice.timing import step_costs
 from foundation.table import Table, as_html, as_text, fact_table
 from integrators.core.errors import IntegratorError
@@ -38,7 +38,7 @@ class Recommendation(NamedTuple):
         error: The error.
         measure: The name of the error.
         span: The length of the run.
-        basis: The origin of these values: measured, or measured on a part of the span and extrapolated.
+        basis: The origin of these values: over what span they were measured.
         examined: CPU seconds of the other methods examined.
 
     Example:
@@ -82,48 +82,33 @@ class Step(NamedTuple):
     error: float
 
 
-def choose(judge: Judge, curves: Sequence[Curve], error: float, measure: str | None, span: float) -> Recommendation:
+def choose(judge: Judge, curves: Sequence[Curve], error: float, measure: str | None) -> Recommendation:
     """The cheapest method for an error tolerance; see `WorkPrecision.best`."""
-    measure = judge.available[0] if measure is None else check_measure(measure)
-    if measure not in judge.available:
-        raise IntegratorError(
-            f"measure must be one of {', '.join(judge.available)}, which were measured, but was {measure}"
-        )
+    measure = check_measure(judge.available[0] if measure is None else measure, judge.available)
     wanted = read_positive(error, "error")
-    times = span / judge.span
-    growth = times if measure == SOLUTION else 1.0
-    steps = [largest_step(judge, curve, wanted / growth, measure) for curve in _near(curves, wanted / growth, measure)]
+    able = [curve for curve in curves if bracket(curve.sizes(measure), wanted)[0] is not None]
+    times = sorted(((curve.seconds(wanted, measure) or math.inf, curve) for curve in able), key=lambda entry: entry[0])
+    near = [curve for seconds, curve in times if seconds <= NEAR * times[0][0]][:MOST_EXAMINED]
+    steps = (largest_step(judge, curve, wanted, measure) for curve in near)
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
         raise IntegratorError(
             f"error must be one that a method reaches on {judge.scene.name} within its budget, but was {wanted:g}"
         )
-    work = {name: judge.work(step.curve.candidate, step.steps) for name, step in met.items()}
-    costs = step_costs(work)
-    seconds = {name: costs[name].seconds * step.steps * times for name, step in met.items()}
+    costs = step_costs({name: judge.work(step.curve.candidate, step.steps) for name, step in met.items()})
+    seconds = {name: costs[name].seconds * step.steps for name, step in met.items()}
     name = min(seconds, key=seconds.__getitem__)
-    step = met[name]
-    h = judge.span / step.steps
-    assumed = "to grow in proportion to t" if measure == SOLUTION else "not to grow"
     return Recommendation(
         method=name,
-        h=h,
-        steps=whole_steps(span, h),
+        h=judge.span / met[name].steps,
+        steps=met[name].steps,
         seconds=seconds.pop(name),
-        error=step.error * growth,
+        error=met[name].error,
         measure=measure,
-        span=span,
-        basis=f"measured over {judge.span:g}" + (f"; errors assumed {assumed} from there on" if times > 1 else ""),
+        span=judge.span,
+        basis=f"measured over {judge.span:g}",
         examined=seconds,
     )
-
-
-def _near(curves: Sequence[Curve], error: float, measure: str) -> list[Curve]:
-    """The curves that meet a tolerance at a cost close to the least, the cheapest first."""
-    able = [curve for curve in curves if bracket(curve.sizes(measure), error)[0] is not None]
-    timed = ((curve.seconds(error, measure) or math.inf, curve) for curve in able)
-    reached = sorted(timed, key=lambda entry: entry[0])
-    return [curve for seconds, curve in reached if seconds <= NEAR * reached[0][0]][:MOST_EXAMINED]
 
 
 def largest_step(judge: Judge, curve: Curve, error: float, measure: str) -> Step | None:

@@ -1,6 +1,7 @@
-"""Errors and CPU times of a method over a range of step sizes.
+"""Errors and CPU times of methods over a range of step sizes.
 
-A `Judge` measures the errors of runs, a sweep makes runs with decreasing steps, and a `Curve` holds errors and times.
+`candidates` are methods for a scene, a `Judge` measures the errors of runs, a sweep makes runs with decreasing steps,
+and a `Curve` holds errors and times.
 """
 
 from __future__ import annotations
@@ -8,8 +9,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from time import thread_time
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -25,14 +27,102 @@ from bseries.advice.measures import (
     without_time,
 )
 from bseries.advice.timing import Timing, Work, step_costs
-from bseries.advice.work_precision.candidates import Candidate
-from integrators.bindings.scipy_bridge import right_hand_side
-from integrators.core.errors import IntegratorError
+from bseries.algebra.stages import check_method
+from integrators.core.errors import IntegratorError, shorten
+from integrators.methods.catalogue.registry import RECOMMENDED, catalogue, method
+from integrators.methods.programs.program import Method
 from integrators.reference.halved_steps import settled_solution
-from integrators.reference.solution import ReferenceSolution, reference_solution
+from integrators.reference.solution import reference_solution
 from integrators.runs.integration import integrate
+from integrators.runs.scipy_solvers import right_hand_side
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
+from integrators.steppers.stepping import stepper
+
+Methods = Iterable[Method | str] | Method | str
+
+NYSTROM = (
+    *("stormer-verlet", "chin4a", "chin4c", *RECOMMENDED["nystrom splitting"].values(), "blanes-moan-rkn6-11"),
+    *("dormand-prince54", "dop853", "gauss4", "gauss8", "lobatto-iiia-iiib8"),
+)
+"""For q'' = g(q). These and the next two lists are the methods of the catalogue that were the cheapest for some error
+on some scene, and simple methods of orders 2 and 4 for comparison."""
+SPLIT = (
+    *("stormer-verlet", "blanes-moan4", "blanes-moan6", "sofroniou-spaletta8", "rk4", "tsit5", "dormand-prince54"),
+    *("dop853", "implicit-midpoint", "gauss2", "gauss4"),
+)
+"""For two parts whose flows are known."""
+WHOLE = (
+    *("rk4", "dormand-prince54", "tsit5", "verner65", "dop853", "implicit-midpoint", "gauss2", "gauss4", "gauss6"),
+    *("radau-iia2", "radau-iia3", "rodas4"),
+)
+"""For any field."""
+AUTO, ALL = "auto", "all"
+MOST_STAGES = 8
+"""Most stages of families, if all methods are requested: more stages are not more accurate in double precision."""
+
+
+class Candidate(NamedTuple):
+    """A method with its name, and the solver for its implicit stages; see `integrators.stepper`."""
+
+    name: str
+    method: Method
+    solver: str = "fixed-point"
+
+
+def candidates(scene: Scene, methods: Methods = AUTO) -> tuple[list[Candidate], dict[str, str]]:
+    """The methods of a selection that fit a scene, and the reasons why others do not, by name; see `work_precision`.
+
+    ``"all"`` are those of the catalogue without parameters, of families those with few stages.
+
+    Example:
+        >>> import bseries as bs
+        >>> [candidate.name for candidate in candidates(bs.scene("lorenz"))[0]][:3]
+        ['rk4', 'dormand-prince54', 'tsit5']
+    """
+    left_out = dict[str, str]()
+    found = []
+    for name, given in _named(scene, methods).items():
+        try:
+            found.append(candidate(scene, given))
+        except IntegratorError as error:
+            left_out[name] = str(error)
+    if not found:
+        reason = next(iter(left_out.values()), "")
+        raise IntegratorError(f"methods must have one that fits {scene.name}, but had none: {shorten(reason, 200)}")
+    return found, {} if methods == AUTO else left_out  # default methods were not requested by name
+
+
+def candidate(scene: Scene, given: Method | str) -> Candidate:
+    """A method, or the name of one, as a candidate for a scene."""
+    found = Candidate(given, method(given)) if isinstance(given, str) else Candidate(given.name, given)
+    stepper(found.method, scene, solver=found.solver)
+    return found
+
+
+def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
+    """Methods by name, checked."""
+    if methods == AUTO:  # those known to be efficient on scenes of this structure
+        for names, typical in ((NYSTROM, "rkn-verlet"), (SPLIT, "strang")):
+            with suppress(IntegratorError):
+                stepper(typical, scene)
+                return {name: name for name in names}
+        return {name: name for name in WHOLE}
+    if methods == ALL:
+        entries = (entry for entry in catalogue() if entry.is_family or not entry.parameters)
+        stages = ((e.name, range(e.least_stages, MOST_STAGES + 1) if e.is_family else [""]) for e in entries)
+        return {f"{name}{s}": f"{name}{s}" for name, numbers in stages for s in numbers}
+    found: dict[str, Method | str] = {}
+    for given in [methods] if isinstance(methods, str) or not isinstance(methods, Iterable) else methods:
+        name = given if isinstance(given, str) else check_method(given).name
+        if isinstance(given, str):
+            method(given)  # refuses unknown names
+        if found.setdefault(name, given) != given:
+            raise IntegratorError(f"methods must have different names, but two are called {name}")
+    if not found:
+        raise IntegratorError("methods must name at least one method, but named none")
+    return found
+
 
 DEGREE = 16
 """Degree of the interpolation: about as many points as doubles have digits."""
@@ -42,25 +132,13 @@ PRECISION = 2e-14
 """Relative tolerance of the interpolation, besides rounded times: a hundred times the unit roundoff, for 17 terms."""
 
 
-def solution_at(scene: Scene, times: Any, y0: Any) -> ReferenceSolution:
-    """The solution by Taylor series, or by halved steps for fields without formulas."""
-    if scene.black_boxes:
-        return settled_solution(scene, times, y0=y0)
-    return reference_solution(scene, times, y0=y0, full=True)
-
-
-class TooLong(IntegratorError):
-    """The span is too long for a reference solution to the precision of doubles."""
-
-
 class DenseReference:
     """A reference solution as a function of time, from y0 at time 0, with a relative error of `allowed` or of doubles.
 
     `size` is the largest Euclidean norm of the state.
 
     Raises:
-        TooLong: The solution is not accurate enough.
-        IntegratorError: The solution ends early.
+        IntegratorError: The solution ends early, or is not accurate enough over the span.
 
     Example:
         >>> import bseries as bs, math
@@ -78,7 +156,9 @@ class DenseReference:
                 return
             if uncertainty > allowed:
                 break
-        raise TooLong(f"span must be shorter for a reference solution of {scene.name} in doubles, but was {span:g}")
+        raise IntegratorError(
+            f"span must be shorter for a reference solution of {scene.name} in doubles, but was {span:g}"
+        )
 
     def _sample(self, intervals: int) -> tuple[float, float, float]:
         """Interpolate the solution in intervals; its error, that of the interpolation, and the effect of rounded times.
@@ -90,7 +170,10 @@ class DenseReference:
         places = np.insert(nodes[1:], DEGREE // 2, between)
         width = self._span / intervals
         times = ((np.arange(intervals)[:, None] + (1 + places) / 2) * width).ravel()
-        found = solution_at(self._scene, times, self._y0)
+        if self._scene.black_boxes:  # halved steps, as there are no formulas for Taylor series
+            found = settled_solution(self._scene, times, y0=self._y0)
+        else:
+            found = reference_solution(self._scene, times, y0=self._y0, full=True)
         values = found.high.reshape(len(self._y0), intervals, DEGREE + 1)
         starts = np.concatenate([np.asarray(self._y0)[:, None], values[:, :-1, -1]], axis=1)
         at_nodes = np.concatenate([starts[:, :, None], np.delete(values, DEGREE // 2, axis=2)], axis=2)
@@ -159,12 +242,11 @@ class Judge:
     """Measurement of errors, some of `MEASURES`: runs of methods on a scene from its start over one span.
 
     `reference` is the reference solution, accurate to the precision of doubles or a hundredth of the smallest error of
-    interest `finest`, if the solution is measured and has one; `problem` says why there is none, `is_too_long` that
-    this is due to the span.
+    interest `finest`, if the solution is measured and has one; `problem` says why there is none.
 
     Example:
         >>> import bseries as bs
-        >>> from bseries.advice.work_precision.candidates import candidate
+        >>> from bseries.advice.work_precision.sweeps import candidate
         >>> pendulum = bs.scene("pendulum")
         >>> judge = Judge(pendulum, 10.0, ("solution", "energy"))
         >>> found = judge.run(candidate(pendulum, "stormer-verlet"), 100)
@@ -175,12 +257,12 @@ class Judge:
     def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES, finest: float = 0.0):
         self.scene, self.span, self.measures = scene, span, measures
         self.reference: DenseReference | None = None
-        self.problem, self.is_too_long = "", False
+        self.problem = ""
         if SOLUTION in measures:
             try:
                 self.reference = DenseReference(scene, scene.y0, span, finest / 100)
             except IntegratorError as error:
-                self.problem, self.is_too_long = str(error), isinstance(error, TooLong)
+                self.problem = str(error)
 
     @property
     def available(self) -> tuple[str, ...]:

@@ -11,14 +11,14 @@ import click
 
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.expectation import Expectation
-from bseries.cli.options.numbers import read_float
-from bseries.cli.output import Output, WholeNumber
+from bseries.cli.options.values import REAL, WholeNumber
+from bseries.cli.output import Output
 from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
+    from bseries.cli.output import PlotFile
     from integrators import Scene
     from integrators.runs.ensemble_results import EnsembleResult
 
@@ -35,8 +35,8 @@ class EnsembleOptions(NamedTuple):
     processes: bool
     scheduler: str | None
     seed: int
-    temperature: str | None
-    spread: str | None
+    temperature: float | None
+    spread: float | None
     change: str | None
     keep: int
 
@@ -45,8 +45,8 @@ def takes_ensemble(verb: Callable[..., T]) -> Callable[..., T]:
     """Add --ensemble and its options to a verb, which receives them as `many`; None without --ensemble."""
 
     @click.option("--ensemble", "members", type=WholeNumber(), metavar="K", help="Run from K random starts.")
-    @click.option("--temperature", metavar="T", help="Draw the momenta of the starts at this temperature.")
-    @click.option("--spread", metavar="S", help="Perturb the scene's start by normal deviates of this size.")
+    @click.option("--temperature", metavar="T", type=REAL, help="Draw the momenta of the starts at this temperature.")
+    @click.option("--spread", metavar="S", type=REAL, help="Perturb the scene's start by normal deviates of this size.")
     @click.option("--seed", type=WholeNumber(), help="Seed of the random starts; by default 0.")
     @click.option("--change", metavar="KIND", help="Statistics of changes from each start: absolute or relative.")
     @click.option("--keep", type=WholeNumber(), metavar="K", help="Store the observations of the first K runs in FILE.")
@@ -57,30 +57,26 @@ def takes_ensemble(verb: Callable[..., T]) -> Callable[..., T]:
         help="The cluster of this Dask scheduler, as in tcp://host:8786; or local, for --workers on this machine.",
     )  # fmt: skip
     @functools.wraps(verb)
-    def read(
-        *, members: int | None, temperature: str | None, spread: str | None, seed: int | None, change: str | None,
-        keep: int | None, workers: int | None, processes: bool, scheduler: str | None, **options: Any,
-    ) -> T:  # fmt: skip
-        given = {"temperature": temperature, "spread": spread, "seed": seed, "change": change, "keep": keep}
-        given |= {"workers": workers, "processes": processes or None, "scheduler": scheduler}
+    def read(**options: Any) -> T:
+        given = {name: options.pop(name) for name in EnsembleOptions._fields}
+        members, scheduler, spread = given["members"], given["scheduler"], given["spread"]
         if members is None:
             for name, value in given.items():
-                if value is not None:
+                if value is not None and value is not False:
                     raise Refusal(f"{name} must come with --ensemble K, but came without")
             return verb(many=None, **options)
         if members < 1:
             raise Refusal(f"ensemble must be a number of runs, 1 or more, but was {members}")
-        if (temperature is None) == (spread is None):
+        if (given["temperature"] is None) == (spread is None):
             raise Refusal(
                 "ensemble must come with either --temperature or --spread, which define the random starts, "
                 f"but came with {'neither' if spread is None else 'both'}"
             )
-        if scheduler is not None and (processes or (workers is not None and scheduler != LOCAL)):
+        local = scheduler in (None, LOCAL)
+        if scheduler is not None and (given["processes"] or not (local or given["workers"] is None)):
             raise Refusal("scheduler must come without --processes and, unless it is local, --workers, but did not")
-        many = EnsembleOptions(
-            members, workers, processes, scheduler, seed or 0, temperature, spread, change, keep or 0
-        )
-        return verb(many=many, **options)
+        given |= {name: given[name] or 0 for name in ("seed", "keep")}
+        return verb(many=EnsembleOptions(**given), **options)
 
     return read
 
@@ -99,14 +95,18 @@ def simulate_ensemble(
 ) -> Table:
     """Run an ensemble, store it if a file is given, and summarise it."""
     from bseries.scene_text import head, place
-    from integrators.runs.ensembles import ensemble
-    from integrators.runs.executors import cluster_executor
+    from integrators.runs.ensembles import cluster_executor, ensemble
+    from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
     def expect(cost: float | None) -> Prediction:
         from bseries.advice.predictions.prediction import time_only
 
         return time_only(options["h"], options["steps"], "each run has a start of its own")
 
+    if many.temperature is None:
+        sample = perturbed_start(scene, many.spread or 0.0)
+    else:
+        sample = thermal_momenta(scene, many.temperature)
     watch = Expectation(output.progress, expect, predict, beforehand=False)
     pool: Any = nullcontext("processes" if many.processes else "threads")
     if many.scheduler is not None:
@@ -114,7 +114,7 @@ def simulate_ensemble(
     with pool as executor:
         try:
             result = ensemble(
-                method, scene, sample=_sample(many, scene), members=many.members, seed=many.seed,
+                method, scene, sample=sample, members=many.members, seed=many.seed,
                 change=many.change, keep=many.keep, final=True, executor=executor, workers=many.workers,
                 progress=watch, **options,
             )  # fmt: skip
@@ -128,14 +128,6 @@ def simulate_ensemble(
     plot.save(result.plot)
     facts = head("ensemble", method.name, scene, effects)
     return _table(result, many, watch, to, facts, place(method.name, scene, effects))
-
-
-def _sample(many: EnsembleOptions, scene: Scene) -> Any:
-    from integrators.runs.random_starts import perturbed_start, thermal_momenta
-
-    if many.temperature is not None:
-        return thermal_momenta(scene, read_float(many.temperature, "temperature"))
-    return perturbed_start(scene, read_float(many.spread or "", "spread"))
 
 
 def _table(

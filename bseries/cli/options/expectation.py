@@ -10,7 +10,7 @@ from bseries.advice.predictions.prediction import SECONDS, Stopwatch
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction
-    from bseries.cli.progress import Progress
+    from bseries.cli.output import Progress
 
 LONG = 5.0
 """Runs of more seconds are predicted by default."""

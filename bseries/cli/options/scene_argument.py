@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import click
 
 from bseries.cli.application import Refusal, standard_input
+from bseries.cli.options.values import completions, is_file, read_assignments
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
@@ -19,33 +20,27 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-WAYS = ("--scene", "--ode", "--hamiltonian")
+WAYS = {"--scene": "scene_source", "--ode": "ode", "--hamiltonian": "hamiltonian"}
 KEYWORDS = ("self", "effects")
 """Reserved names; effects are switched on by --effect."""
+SUFFIXES = (".toml",)
 
 
 def complete_scene(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completions of SCENE: names of built-in scenes, and files."""
-    from click.shell_completion import CompletionItem
-
     from integrators import scene_catalogue
 
-    if is_path(incomplete) or incomplete.startswith("."):
-        return [CompletionItem(incomplete, type="file")]
     names = ((name, entry.summary) for entry in scene_catalogue() for name in (entry.name, *entry.aliases))
-    return [CompletionItem(name, help=summary) for name, summary in names if name.startswith(incomplete)]
+    return completions(names, incomplete, SUFFIXES)
 
 
 def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completions of --effect: effects of the given scene, or of all scenes."""
-    from click.shell_completion import CompletionItem
-
     from integrators import scene_catalogue
 
     typed = ctx.params.get("scene_source")
     entries = [entry for entry in scene_catalogue() if typed is None or typed in (entry.name, *entry.aliases)]
-    effects = {name: summary for entry in entries for name, summary in entry.effects.items()}
-    return [CompletionItem(name, help=summary) for name, summary in effects.items() if name.startswith(incomplete)]
+    return completions({name: text for entry in entries for name, text in entry.effects.items()}.items(), incomplete)
 
 
 def takes_scene(
@@ -80,8 +75,11 @@ def takes_scene(
         )  # fmt: skip
         @functools.wraps(verb)
         def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> T:
-            way, text = _chosen_way(*(options.pop(name) for name in ("scene_source", "ode", "hamiltonian")))
-            values = read_values(parameters)
+            given = [(way, text) for way, name in WAYS.items() if (text := options.pop(name)) is not None]
+            if len(given) > 1:
+                raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
+            way, text = given[0] if given else (None, "")
+            values = _read_values(parameters)
             if blocks is not None and way in (None, "--scene"):
                 raise Refusal(f"blocks must come with --ode or --hamiltonian, but was {blocks!r:.60} without")
             if way is None and (effects or values):
@@ -89,7 +87,8 @@ def takes_scene(
             if way is None and required:
                 raise Refusal(f"SCENE must be given: a {where}; or --ode or --hamiltonian")
             if compare:
-                scene = text if way == "--scene" and not is_path(text) else _plain_scene(way, text, blocks, values)
+                plain = way == "--scene" and not is_file(text, SUFFIXES)
+                scene = text if plain else _plain_scene(way, text, blocks, values)
                 return verb(scene=scene, effects=effects, parameters=values, **options)
             scene = None if way is None else _scene(way, text, blocks, effects, values)
             on = () if scene is None else scene.active or tuple(dict.fromkeys(effects))
@@ -98,14 +97,6 @@ def takes_scene(
         return read
 
     return decorate
-
-
-def _chosen_way(*texts: str | None) -> tuple[str | None, str]:
-    """The option that defines the scene, and its text; None if not given."""
-    given = [(way, text) for way, text in zip(WAYS, texts, strict=True) if text is not None]
-    if len(given) > 1:
-        raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
-    return given[0] if given else (None, "")
 
 
 def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene:
@@ -121,24 +112,27 @@ def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], valu
     """The scene with its effects and parameters."""
     from integrators import scene
 
-    if way == "--scene" and not is_path(text):
+    if way == "--scene" and not is_file(text, SUFFIXES):
         return scene(text, effects=effects or None, **values)
     found = _plain_scene(way, text, blocks, values)
     return found.with_effects(*(effects or found.active), **(values if way == "--scene" else {}))
 
 
-def read_values(parameters: Iterable[str]) -> dict[str, Any]:
-    """The values of parameters from text such as ``mu=1/2``."""
-    values = {name: _read_value(text) for name, text in read_assignments(parameters, "parameter", "mu=1/2").items()}
+def _read_values(parameters: Iterable[str]) -> dict[str, Any]:
+    """The values of parameters: numbers or formulas as text; with commas lists; with semicolons lists of rows."""
+    values = dict[str, Any]()
+    for name, text in read_assignments(parameters, "parameter", "mu=1/2").items():
+        rows = [split_row(row) for row in text.split(";")]
+        values[name] = rows if len(rows) > 1 else rows[0] if len(rows[0]) > 1 else text
     for name in KEYWORDS:
         if name in values:
             raise Refusal(f"parameter must be one of the scene's, but was {name!r}")
     return values
 
 
-def is_path(source: str) -> bool:
-    """Whether a SCENE is a file, or standard input."""
-    return source == "-" or "/" in source or "\\" in source or source.lower().endswith(".toml")
+def read_scene(source: str) -> Scene | str:
+    """The scene of a file or of standard input, or the name of a built-in one."""
+    return load_file(source) if is_file(source, SUFFIXES) else source
 
 
 def load_file(source: str) -> Scene:
@@ -150,62 +144,46 @@ def load_file(source: str) -> Scene:
     return load_scene(standard_input().buffer if source == "-" else source)
 
 
-def _read_value(text: str) -> Any:
-    """A number or formula as text; with commas a list; with semicolons a list of rows."""
-    rows = [split_row(row) for row in text.split(";")]
-    if len(rows) > 1:
-        return rows
-    return rows[0] if len(rows[0]) > 1 else text
+def takes_start(verb: Callable[..., T]) -> Callable[..., T]:
+    """Add the option --start to a verb, which receives the start values by block; None if they are not given."""
+
+    @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+    @functools.wraps(verb)
+    def read(*, start: str | None, **options: Any) -> T:
+        given = read_assignments(filter(str.strip, (start or "").split(";")), "start", '"p=0;q=-3/2"')
+        blocks = None if start is None else {name: split_row(values) for name, values in given.items()}
+        return verb(start=blocks, **options)
+
+    return read
 
 
-def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """The values of ``NAME=VALUE`` by name."""
-    values: dict[str, str] = {}
-    for text in texts:
-        name, _, value = (part.strip() for part in text.partition("="))
-        if not (name and value):
-            raise Refusal(f"{option} must be NAME=VALUE, as in {example}, but was {text!r:.60}")
-        if name in values:
-            raise Refusal(f"{option} must give each name once, but gave {name!r:.60} twice")
-        values[name] = value
-    return values
+def takes_parts(verb: Callable[..., T], *, check: bool = True) -> Callable[..., T]:
+    """Add the option --parts to a verb: blocks or parts of a scene by the part of the method, if not by its names."""
+
+    @click.option(
+        "--parts", metavar="TEXT", help='Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
+    )
+    @functools.wraps(verb)
+    def read(*, parts: str | None, **options: Any) -> T:
+        method, scene = options["method"], options["scene"]
+        if check and scene is not None:
+            _check_parts(parts, method, scene)
+        given = read_assignments(filter(str.strip, (parts or "").split(";")), "parts", "a=q;b=p")
+        names = {name: [piece.strip() for piece in value.split(",")] for name, value in given.items()}
+        return verb(parts=None if parts is None else names, **options)
+
+    return read
 
 
-def read_start(text: str, scene: Scene) -> Scene:
-    """The scene with start values from text such as ``p=0;q=-3/2``."""
-    return scene.with_start(**read_start_values(text))
-
-
-def read_start_values(text: str) -> dict[str, list[str]]:
-    """Start values by block, from text such as ``p=0;q=-3/2``."""
-    given = read_assignments(filter(str.strip, text.split(";")), "start", '"p=0;q=-3/2"')
-    return {name: split_row(values) for name, values in given.items()}
-
-
-def takes_parts(verb: Callable[..., T]) -> Callable[..., T]:
-    """Add the option --parts to a verb: blocks or parts of a scene for the parts of a method."""
-    text = 'Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
-    return click.option("--parts", metavar="TEXT", help=text)(verb)
-
-
-def read_parts(text: str | None, method: Method, scene: Scene) -> dict[str, list[str]] | None:
-    """The blocks or parts of the scene for the parts of a method; None if they follow from the names."""
+def _check_parts(text: str | None, method: Method, scene: Scene) -> None:
+    """Refuse parts of a method that has none, and to do without them where names do not tell them."""
     from bseries.algebra.stages import auxiliary_colors
     from integrators.scenes.particles.parts import default_pieces
 
     if text is not None and len(method.names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
-    if text is not None:
-        return read_part_names(text)
-    if not auxiliary_colors(method) and default_pieces(method.names, scene) is None:
+    if text is None and not auxiliary_colors(method) and default_pieces(method.names, scene) is None:
         _refuse_parts(method, scene)  # the library refuses auxiliary colours in any scene
-    return None
-
-
-def read_part_names(text: str) -> dict[str, list[str]]:
-    """Blocks or parts of a scene by the part of the method, from text such as ``a=q;b=p,s``."""
-    found = read_assignments(filter(str.strip, text.split(";")), "parts", "a=q;b=p")
-    return {name: [piece.strip() for piece in value.split(",")] for name, value in found.items()}
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:

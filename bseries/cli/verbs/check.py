@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.plot import takes_plot
-from bseries.cli.output import WholeNumber, takes_output
+from bseries.cli.options.values import WholeNumber
+from bseries.cli.output import takes_output, takes_plot
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
+    from bseries.cli.output import Output, PlotFile
     from foundation.table import Table
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import Output, WholeNumber, takes_output, takes_text
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, takes_output, takes_text
 from foundation.table import Table
 
 
@@ -57,7 +57,7 @@ def conditions(
       bseries conditions partitioned --order 3 --format latex
       bseries conditions splitting --order 4 --symmetric --format json
     """
-    from bseries.conditions.generating import order_conditions
+    from bseries.conditions.listing import order_conditions
 
     if explicit and structure is not None:
         raise Refusal(f"structure must be left out where --explicit is given, but was {structure!r:.60}")

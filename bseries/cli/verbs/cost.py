@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.method_argument import is_tableau_file, read_method
-from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.options.scene_argument import read_start, takes_scene
-from bseries.cli.output import NO_LATEX, Output, takes_output
+from bseries.cli.options.method_argument import SUFFIXES, read_method
+from bseries.cli.options.scene_argument import takes_scene, takes_start
+from bseries.cli.options.values import POSITIVE, REAL, is_file
+from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
 if TYPE_CHECKING:
@@ -33,28 +32,29 @@ USUAL = (1e-3, 1e-6, 1e-9)
     metavar="NAMES",
     help="Names or tableau files with commas between, or all; by default, those known to be good.",
 )  # fmt: skip
-@click.option("--span", metavar="T", help="How long runs are; by default, some periods of the motion.")
-@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@click.option("--span", metavar="T", type=POSITIVE, help="How long runs are; by default, some periods of the motion.")
+@takes_start
 @click.option("--errors", metavar="A:B", default="1e-3:1e-12", show_default=True, help="The errors of interest.")
 @click.option("--measure", metavar="NAME", default="all", help="solution or energy; by default, both.")
 @click.option(
-    "--error", "wanted", metavar="E", multiple=True, help="An accuracy to recommend a method for; repeatable."
-)
-@click.option("--budget", metavar="S", help="CPU seconds for the longest run of a method; by default, 0.2.")
+    "--error", "wanted", metavar="E", type=POSITIVE, multiple=True,
+    help="An accuracy to recommend a method for; repeatable.",
+)  # fmt: skip
+@click.option("--budget", metavar="S", type=POSITIVE, help="CPU seconds for the longest run; by default, 0.2.")
 @takes_plot
 @functools.partial(takes_output, formats=NO_LATEX)
 def cost(
     scene: Scene,
-    effects: Sequence[str],
+    *,
+    effects: object,
     methods: str | None,
-    span: str | None,
-    start: str | None,
+    start: Any,
     errors: str,
-    measure: str,
-    wanted: Sequence[str],
-    budget: str | None,
+    wanted: Sequence[float],
+    budget: float | None,
     plot: PlotFile,
     output: Output,
+    **options: Any,
 ) -> Table:
     """CPU time against error on a scene, for many methods and steps.
 
@@ -72,52 +72,23 @@ def cost(
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
-    from bseries.advice.work_precision.precision_curves import BUDGET, draw, work_precision
+    from bseries.advice.work_precision.precision_curves import BUDGET, check_errors, draw, work_precision
 
-    if start is not None:
-        scene = read_start(start, scene)
-    limits = _errors(errors)
-    goals = [_positive(text, "error") for text in wanted]
-    found = work_precision(
-        _methods(methods),
-        scene,
-        span=None if span is None else _positive(span, "span"),
-        errors=limits,
-        measure=measure,
-        budget=BUDGET if budget is None else _positive(budget, "budget"),
-        progress=output.progress.update,
-    )
+    scene = scene if start is None else scene.with_start(**start)
+    pieces = errors.split(":")
+    if len(pieces) != 2:
+        raise Refusal(f"errors must be A:B, as in 1e-3:1e-12, but was {errors!r:.60}")
+    loosest, finest = check_errors(sorted((REAL.read(piece, "errors") for piece in pieces), reverse=True))
+    options |= {"errors": (loosest, finest), "budget": budget or BUDGET, "progress": output.progress.update}
+    names = [name.strip() for name in (methods or "").split(",") if name.strip()]
+    given: Any = [read_method(name) if is_file(name, SUFFIXES) else name for name in names]
+    chosen = "auto" if methods is None else "all" if names == ["all"] else given
+    found = work_precision(chosen, scene, **options)
     plot.save(lambda: draw(found.curves, found.errors, found.measures, found.title))
     if output.has_records:
         return found.to_table()
-    goals = goals or [error for error in USUAL if limits[1] <= error <= limits[0]] or [limits[0]]
+    goals = wanted or [error for error in USUAL if finest <= error <= loosest] or [loosest]
     return found.to_table({error: _choice(found, error) for error in goals})
-
-
-def _methods(text: str | None) -> list[Any] | str:
-    """The methods of a list: names, or files with tableaux."""
-    if text is None or text.strip() == "all":
-        return "auto" if text is None else "all"
-    names = (name.strip() for name in text.split(",") if name.strip())
-    return [read_method(name, {}, ()) if is_tableau_file(name) else name for name in names]
-
-
-def _positive(text: str, option: str) -> float:
-    number = read_float(text, option)
-    if not number > 0:
-        raise Refusal(f"{option} must be positive, but was {text!r:.60}")
-    return number
-
-
-def _errors(text: str) -> tuple[float, float]:
-    """The two errors of A:B, the larger one first."""
-    from bseries.advice.work_precision.precision_curves import check_errors
-
-    pieces = text.split(":")
-    if len(pieces) != 2:
-        raise Refusal(f"errors must be A:B, as in 1e-3:1e-12, but was {text!r:.60}")
-    first, second = sorted((read_float(piece, "errors") for piece in pieces), reverse=True)
-    return check_errors((first, second))
 
 
 def _choice(found: WorkPrecision, error: float) -> Recommendation | str:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.output import make_folder, takes_output
-from bseries.cli.progress import Progress
+from bseries.cli.output import Progress, make_folder, takes_output
 
 if TYPE_CHECKING:
     from bseries.cli.output import Output

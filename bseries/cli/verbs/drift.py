@@ -9,10 +9,9 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
-from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
+from bseries.cli.options.values import REAL, WholeNumber
+from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
 if TYPE_CHECKING:
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
 @takes_method()
 @takes_scene()
 @takes_parts
-@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=5/2;q=0".')
-@click.option("--step", metavar="H", help="The step size, for predicted slopes and for trajectories.")
+@takes_start
+@click.option("--step", "h", metavar="H", type=REAL, help="The step size, for predicted slopes and for trajectories.")
 @click.option("--steps", type=WholeNumber(), help="With several degrees of freedom: steps of the trajectory.")
 @click.option(
     "--order", type=WholeNumber(), help="Powers h^0 to h^(N-1) of the modified equation; by default at least 7."
@@ -36,13 +35,13 @@ def drift(
     method: Method,
     scene: Scene,
     effects: Sequence[str],
-    parts: str | None,
-    start: str | None,
-    step: str | None,
+    *,
+    start: Any,
     steps: int | None,
     order: int | None,
     plot: PlotFile,
     output: Output,
+    **options: Any,
 ) -> Table:
     """Whether the energy error of a method stays bounded, drifts linearly, or like a random walk.
 
@@ -58,17 +57,13 @@ def drift(
       bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1 --plot drift.png
       bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
     """
-    from bseries.hamiltonians.drift.mean_rates import STEPS, energy_drift
+    from bseries.hamiltonians.energy_drift import STEPS, energy_drift
     from integrators.runs.integration import integrate
 
-    if plot.path is not None and step is None:
+    if plot.path is not None and options["h"] is None:
         raise Refusal("step must be given with --plot, for a run to compare with, but was not")
-    run: dict[str, Any] = {
-        "y0": None if start is None else read_start(start, scene).y0,
-        "h": None if step is None else read_float(step, "step"),
-        "steps": STEPS if steps is None else steps,
-        "parts": read_parts(parts, method, scene),
-    }
+    y0 = None if start is None else scene.with_start(**start).y0
+    run: dict[str, Any] = {**options, "y0": y0, "steps": STEPS if steps is None else steps}
     report = energy_drift(method, scene, order, **run)
     plot.save(lambda: report.plot(run=integrate(method, scene, observe="energy", **run)))
     return report.to_table(effects)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.expectation import Expectation
-from bseries.cli.options.method_argument import takes_method_option
-from bseries.cli.options.numbers import read_given
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.options.scene_argument import read_part_names, read_start_values, takes_parts, takes_scene
-from bseries.cli.output import Output, WholeNumber, takes_output
-from bseries.cli.progress import Progress
+from bseries.cli.options.method_argument import takes_method
+from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
+from bseries.cli.options.values import EXACT, WholeNumber, takes_step
+from bseries.cli.output import Output, PlotFile, Progress, takes_output, takes_plot
 from foundation.table import Table
 
 if TYPE_CHECKING:
@@ -26,13 +24,13 @@ if TYPE_CHECKING:
 
 @click.command()
 @takes_scene(as_argument=True, compare=True)
-@takes_method_option
-@takes_parts
-@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative to integrate backwards.")
-@click.option("--span", metavar="T", help="The length of the run; without it, only the costs of effects.")
-@click.option("--accept", metavar="E", help="The accepted error; by default, that of the method itself.")
+@takes_method(as_option=True)
+@partial(takes_parts, check=False)
+@takes_step
+@click.option("--span", metavar="T", type=EXACT, help="The length of the run; without it, only the costs of effects.")
+@click.option("--accept", metavar="E", type=EXACT, help="The accepted error; by default, that of the method itself.")
 @click.option("--measure", metavar="NAME", help="The error that E bounds: solution (by default) or energy.")
-@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@takes_start
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
 @click.option("--order", type=WholeNumber(), help="Without --span: the largest number of nodes of trees; by default 6.")
 @takes_plot
@@ -40,18 +38,15 @@ if TYPE_CHECKING:
 def effects(
     scene: Scene | str,
     method: Method,
-    parts: str | None,
-    step: str | None,
-    span: str | None,
-    accept: str | None,
-    measure: str | None,
+    *,
     effects: Sequence[str],
-    parameters: dict[str, Any],
-    start: str | None,
-    solver: str,
+    span: Any,
+    accept: Any,
+    measure: str | None,
     order: int | None,
     plot: PlotFile,
     output: Output,
+    **options: Any,
 ) -> Table:
     """Influence and cost of the effects of a scene, and the effects that can be left out.
 
@@ -75,33 +70,19 @@ def effects(
     from bseries.advice.measures import SOLUTION
     from bseries.advice.timing import machine
 
-    common: dict[str, Any] = {
-        "h": read_given(step, "step"),
-        "effects": effects or None,
-        "parameters": parameters,
-        "start": None if start is None else read_start_values(start),
-        "parts": None if parts is None else read_part_names(parts),
-        "solver": solver,
-    }
+    options["effects"] = effects or None
     if span is None:
         for name, given in (("accept", accept), ("measure", measure)):
             if given is not None:
                 raise Refusal(f"span must be given with --{name}, since influences grow with it, but was not")
-        costs = effect_costs(method, scene, order=ORDER if order is None else order, **common)
+        costs = effect_costs(method, scene, order=ORDER if order is None else order, **options)
         plot.save(costs.plot)
         return costs.to_table().extended(machine=machine())
     if order is not None:
         raise Refusal("order must be left out with --span, which counts no trees, but was given")
-    length = read_given(span, "span")
-    report = effect_influence(
-        method,
-        scene,
-        span=length,
-        accept=None if accept is None else read_given(accept, "accept"),
-        measure=SOLUTION if measure is None else measure,
-        progress=FirstRun(output.progress, common["h"], length),
-        **common,
-    )
+    watch = FirstRun(output.progress, options["h"], span)
+    options |= {"measure": SOLUTION if measure is None else measure, "span": span, "accept": accept, "progress": watch}
+    report = effect_influence(method, scene, **options)
     plot.save(report.plot)
     return report.to_table().extended(machine=machine())
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import read_powers, takes_powers
-from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
+from bseries.cli.options.scene_argument import takes_parts, takes_scene
+from bseries.cli.options.values import read_powers, takes_powers
 from bseries.cli.output import Output, takes_output
 from foundation.table import Table
 
@@ -29,7 +29,7 @@ def equation(
     method: Method,
     scene: Scene,
     effects: Sequence[str],
-    parts: str | None,
+    parts: Any,
     order: int | None,
     modifying: bool,
     power: int | None,
@@ -57,6 +57,5 @@ def equation(
     from bseries.fields.modified_fields import modified_field, modifying_field
 
     order, powers = read_powers(order, power)
-    make = modifying_field if modifying else modified_field
-    f = make(method, scene, order, parts=read_parts(parts, method, scene))
+    f = (modifying_field if modifying else modified_field)(method, scene, order, parts=parts)
     return f.to_table(powers, nonzero=nonzero, effects=effects, issues=method.issues)

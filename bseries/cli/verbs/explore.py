@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.scene_argument import read_start, takes_scene
-from bseries.cli.output import WholeNumber
-from bseries.cli.progress import Progress
+from bseries.cli.options.scene_argument import takes_scene, takes_start
+from bseries.cli.options.values import WholeNumber
+from bseries.cli.output import Progress
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
@@ -62,15 +61,15 @@ def explore(port: int, opens: bool) -> None:
 @click.option("-o", "--output", "path", metavar="FILE", help="The file, which ends in .html.")
 @click.option("--order", type=WholeNumber(), help="The largest number of nodes of trees; by default, about 100 trees.")
 @click.option("--span", metavar="T", help="The length of time of solutions; by default, 20.")
-@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@takes_start
 def report(
     method: Method,
     scene: Scene | None,
-    effects: Sequence[str],
+    effects: object,
     path: str | None,
     order: int | None,
     span: str | None,
-    start: str | None,
+    start: Any,
 ) -> None:
     """A method, and its flows on a scene, as one HTML file for a browser.
 
@@ -98,7 +97,7 @@ def report(
     check_place(path, "output")
     length = read_positive(span or "", "span", SPAN, MOST_SPAN)
     if scene is not None and start is not None:
-        scene = read_start(start, scene)
+        scene = scene.with_start(**start)
     with Progress() as progress:
         text = report_html(method, scene, nodes=order, span=length, progress=progress.update)
     atomic_write(path, text)

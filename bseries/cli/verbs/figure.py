@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import read_method
-from bseries.cli.options.scene_argument import is_path, load_file, read_assignments
-from bseries.cli.output import Output, make_folder
-from bseries.cli.progress import Progress
+from bseries.cli.options.scene_argument import read_scene
+from bseries.cli.options.values import completions, read_assignments
+from bseries.cli.output import Output, Progress, make_folder
 from foundation.table import Column, Table, csv_lines, paragraphs
 from integrators.core.arguments import split_row
 
@@ -29,12 +29,9 @@ PARTS = 1000
 
 def complete_figure(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completions of the names of figures."""
-    from click.shell_completion import CompletionItem
-
     from bseries.figures.registry import figure_file, figure_names
 
-    names = (name for name in figure_names() if name.startswith(incomplete))
-    return [CompletionItem(name, help=figure_file(name).TITLE) for name in names]
+    return completions(((name, figure_file(name).TITLE) for name in figure_names()), incomplete)
 
 
 @click.command()
@@ -83,21 +80,17 @@ def figure(
         )
     with Progress() as progress:
         if listed:
-            Output("table", None, progress).write(Table("Figures", COLUMNS, _rows(), titled=False))
+            from bseries.figures.registry import figure_file, figure_names, options_of
+
+            files = {name: figure_file(name) for name in figure_names()}
+            facts = ((name, file.NUMBER or "", file.TITLE, _shown(options_of(file))) for name, file in files.items())
+            Output("table", None, progress).write(Table("Figures", COLUMNS, list(facts), titled=False))
         elif everything:
             if animate is not None:
                 raise Refusal(f"animate must be left out with --all, but was {animate!r:.60}")
             _draw_all(path, data, settings, format_ or "png", progress)
         else:
             _draw_one(str(name), path, data, settings, animate, progress)
-
-
-def _rows() -> list[tuple[str, str, str, str]]:
-    """A row for each figure."""
-    from bseries.figures.registry import figure_file, figure_names, options_of
-
-    files = {name: figure_file(name) for name in figure_names()}
-    return [(name, str(file.NUMBER or ""), file.TITLE, _shown(options_of(file))) for name, file in files.items()]
 
 
 def _shown(options: Mapping[str, Any]) -> str:
@@ -118,7 +111,6 @@ def _draw_one(
 ) -> None:
     """One figure."""
     from bseries.figures import registry
-    from bseries.figures.animations import check_animation
     from bseries.picture_files import check_place, picture_format
 
     file = registry.figure_file(name)
@@ -130,7 +122,7 @@ def _draw_one(
             check_place(str(place), argument)
     if animate is not None:
         registry.check_moving(file)
-        check_animation(animate)
+        registry.check_animation(animate)
     numbers = _make(file, _options(file, name, settings), path, format_, data, progress.update)
     if animate is not None:
         registry.animate(file, numbers, animate, progress=progress.update)
@@ -171,8 +163,8 @@ def _make(
     advance: Callable[[int, int], None],
 ) -> Any:
     """Compute the numbers of a figure, and write them, their picture or both; the numbers."""
-    from bseries import picture_files
     from bseries.figures.registry import compute, drawn, takes_progress
+    from bseries.picture_files import data_rows
     from foundation.extras import optional_module
     from foundation.plotting import picture
     from integrators.core.text_files import atomic_write
@@ -183,20 +175,14 @@ def _make(
     content = None if format_ is None else picture(drawn(file, numbers), format_)
     if data is not None:
         columns = file.columns(numbers)
-        _write_text(csv_lines(list(columns), picture_files.data_rows(columns)), data)
+        lines = csv_lines(list(columns), data_rows(columns))
+        if data == "-":
+            sys.stdout.writelines(lines)
+        else:
+            atomic_write(data, "".join(lines))
     if path is not None and content is not None:
         atomic_write(path, content)
     return numbers
-
-
-def _write_text(pieces: Iterable[str], path: str) -> None:
-    """Write text to a file, or to standard output for -."""
-    from integrators.core.text_files import atomic_write
-
-    if path == "-":
-        sys.stdout.writelines(pieces)
-    else:
-        atomic_write(path, "".join(pieces))
 
 
 def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, Any]:
@@ -211,14 +197,9 @@ def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, 
     return {option: READERS.get(option, str)(text) for option, text in values.items()}
 
 
-def _read_methods(text: str) -> list[Any]:
-    """Methods by name or file, with commas between."""
-    return [read_method(entry.strip(), {}, ()) for entry in split_row(text)]
-
-
 READERS: dict[str, Callable[[str], Any]] = {
-    "method": lambda text: read_method(text, {}, ()),
-    "methods": _read_methods,
-    "scene": lambda text: load_file(text) if is_path(text) else text,
+    "method": read_method,
+    "methods": lambda text: [read_method(entry.strip()) for entry in split_row(text)],
+    "scene": read_scene,
 }
 """Readers of options that may be files; figures read all other text."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import read_float, read_powers, takes_powers
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.options.scene_argument import read_parts, takes_parts, takes_scene
-from bseries.cli.output import Output, takes_output
+from bseries.cli.options.scene_argument import takes_parts, takes_scene
+from bseries.cli.options.values import REAL, read_powers, takes_powers
+from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
 if TYPE_CHECKING:
@@ -38,14 +37,14 @@ OF_INTEGRATION = (
 @click.option("--brackets", is_flag=True, help="Nested brackets of the method's parts; there is no SCENE then.")
 @click.option("--kinetic", metavar="NAME", help="With --brackets: the part that is quadratic in p, as T.")
 @click.option("--verdict", is_flag=True, help="Whether there is one: for all Hamiltonians, and on the scene.")
-@click.option("--step", metavar="H", help="With --plot: the step size.")
+@click.option("--step", metavar="H", type=REAL, help="With --plot: the step size.")
 @takes_plot
 @takes_output
 def hamiltonian(
     method: Method,
     scene: Scene | None,
     effects: Sequence[str],
-    parts: str | None,
+    parts: Any,
     order: int | None,
     power: int | None,
     nonzero: bool,
@@ -53,7 +52,7 @@ def hamiltonian(
     brackets: bool,
     kinetic: str | None,
     verdict: bool,
-    step: str | None,
+    step: float | None,
     plot: PlotFile,
     output: Output,
 ) -> Table:
@@ -79,7 +78,18 @@ def hamiltonian(
       bseries hamiltonian rk4 --scene pendulum --verdict
       bseries hamiltonian symplectic-euler-p --scene pendulum --order 3 --step 0.5 --plot levels.pdf
     """
-    _check_options(scene, parts, route, kinetic, brackets=brackets, verdict=verdict)
+    if scene is None and not brackets:
+        raise Refusal(
+            "SCENE must be given: --scene with a name from `bseries scenes`, --ode or --hamiltonian; or else --brackets"
+        )
+    given = {"SCENE": scene is not None, "parts": parts is not None, "route": route != "auto", "verdict": verdict}
+    if brackets and (name := next((name for name, is_given in given.items() if is_given), None)):
+        raise Refusal(f"{name} must be left out with --brackets, which are the same on all scenes, but was given")
+    if kinetic is not None and not brackets:
+        raise Refusal(f"kinetic must come with --brackets, but was {kinetic!r:.60} without")
+    if verdict and (route != "auto" or power is not None):
+        name, value = ("route", route) if route != "auto" else ("power", power)
+        raise Refusal(f"{name} must be left out with --verdict, but was {value!r:.60}")
     if (plot.path is None) != (step is None) or (plot.path is not None and (brackets or verdict)):
         raise Refusal("plot must come with --step, and without --brackets and --verdict, but did not")
     if scene is None:
@@ -88,21 +98,17 @@ def hamiltonian(
         order, powers = read_powers(order, power)
         nested = bracket_hamiltonian(method, order, quadratic_kinetic=kinetic)
         return nested.to_table(powers, nonzero=nonzero, issues=method.issues)
-    chosen = read_parts(parts, method, scene)
     if verdict:
-        if power is not None:
-            raise Refusal(f"power must be left out with --verdict, but was {power}")
         from bseries.hamiltonians.verdicts import hamiltonian_verdict
 
-        return hamiltonian_verdict(method, scene, order, parts=chosen).to_table(effects)
+        return hamiltonian_verdict(method, scene, order, parts=parts).to_table(effects)
     from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
     from integrators.runs.integration import integrate
 
     order, powers = read_powers(order, power)
-    energy = modified_hamiltonian(method, scene, order, parts=chosen, route=route)
+    energy = modified_hamiltonian(method, scene, order, parts=parts, route=route)
     if step is not None:
-        h = read_float(step, "step")
-        plot.save(lambda: energy.plot(h=h, run=integrate(method, scene, h=h, steps=STEPS, parts=chosen)))
+        plot.save(lambda: energy.plot(h=step, run=integrate(method, scene, h=step, steps=STEPS, parts=parts)))
     table = energy.to_table(powers, nonzero=nonzero, effects=effects)
     if route == "auto" and energy.route == "integration" and scene.poisson is None:
         limit, *others = table.notes
@@ -110,22 +116,3 @@ def hamiltonian(
     if output.has_records and (end := energy.verdict.limit()):  # records have no notes
         say("warning", end)
     return table
-
-
-def _check_options(
-    scene: Scene | None, parts: str | None, route: str, kinetic: str | None, *, brackets: bool, verdict: bool
-) -> None:
-    """Refuse options that contradict each other."""
-    if scene is None and not brackets:
-        raise Refusal(
-            "SCENE must be given: --scene with a name from `bseries scenes`, --ode or --hamiltonian; or else --brackets"
-        )
-    if not brackets:
-        if kinetic is not None:
-            raise Refusal(f"kinetic must come with --brackets, but was {kinetic!r:.60} without")
-        if verdict and route != "auto":
-            raise Refusal(f"route must be left out with --verdict, but was {route!r:.60}")
-        return
-    given = {"SCENE": scene is not None, "parts": parts is not None, "route": route != "auto", "verdict": verdict}
-    if name := next((name for name, is_given in given.items() if is_given), None):
-        raise Refusal(f"{name} must be left out with --brackets, which are the same on all scenes, but was given")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, takes_output
 from foundation.table import Table
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def modifying(method: Method, **options: Any) -> Table:
       bseries modifying gauss2 --order 7 --nonzero --format latex
       bseries modifying sdirk2 --order 3
     """
-    from bseries.algebra.substitution import modifying_integrator
+    from bseries.algebra.products import modifying_integrator
 
     return of_method(method, modifying_integrator, **options)
 

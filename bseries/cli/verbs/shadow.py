@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.options.numbers import read_float
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.options.scene_argument import read_assignments, takes_scene
-from bseries.cli.output import NO_LATEX, Output, WholeNumber, takes_output
+from bseries.cli.options.scene_argument import takes_scene
+from bseries.cli.options.values import REAL, REALS, WholeNumber, read_assignments
+from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
-from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -25,43 +22,38 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="FILE", required=False, type=click.Path())
 @takes_scene(required=False)
 @click.option("--order", type=WholeNumber(), help="The largest order, 2 to 24; by default 16.")
-@click.option("--step", metavar="H", help="The step size, if FILE does not contain it.")
-@click.option("--mass", metavar="LIST", help="A mass, one for each particle or one for each coordinate; by default 1.")
+@click.option("--step", "h", metavar="H", type=REAL, help="The step size, if FILE does not contain it.")
 @click.option(
-    "--columns",
-    metavar="TEXT",
+    "--mass", metavar="LIST", type=REALS, help="A mass, one for each particle or one for each coordinate; by default 1."
+)
+@click.option(
+    "--columns", metavar="TEXT",
     help='Columns by name, pattern or place, as in "q=x*,v=vx*,U=PotEng,F=fx*" or "t=0,p=1:3,q=3:5".',
+)  # fmt: skip
+@click.option(
+    "--layout", metavar="NAME", default="full", help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift."
 )
 @click.option(
-    "--layout",
-    "where",
-    metavar="NAME",
-    default="full",
-    help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift.",
-)
+    "--period", metavar="LIST", type=REALS,
+    help="The edge of a periodic box, or one for each dimension: unwraps positions.",
+)  # fmt: skip
 @click.option(
-    "--period", metavar="LIST", help="The edge of a periodic box, or one for each dimension: unwraps positions."
-)
-@click.option(
-    "--tolerance", metavar="X", help="Allowed relative distance of states from steps of the method; by default 1e-9."
-)
-@click.option("--bound", metavar="E", help="Also the largest step that keeps the energy within ±E.")
+    "--tolerance", metavar="X", type=REAL,
+    help="Allowed relative distance of states from steps of the method; by default 1e-9.",
+)  # fmt: skip
+@click.option("--bound", metavar="E", type=REAL, help="Also the largest step that keeps the energy within ±E.")
 @takes_plot
 @functools.partial(takes_output, formats=NO_LATEX)
 def shadow(
     file: str | None,
     scene: Scene | None,
-    effects: Iterable[str],
-    order: int | None,
-    step: str | None,
-    mass: str | None,
+    *,
+    effects: object,
     columns: str | None,
-    where: str,
-    period: str | None,
-    tolerance: str | None,
-    bound: str | None,
+    bound: float | None,
     plot: PlotFile,
     output: Output,
+    **options: Any,
 ) -> Table:
     """Is the step size of a finished simulation too large? Does its energy drift?
 
@@ -90,25 +82,9 @@ def shadow(
     if columns is not None:
         pieces = re.split(r"[;,]\s*(?=\w+\s*=)|;\s*$", columns)  # commas separate names of one role as well
         chosen = read_assignments(filter(None, pieces), "columns", '"q=x*,v=vx*"')
-    limit = None if bound is None else read_float(bound, "bound")
-    report = shadow_energy(
-        standard_input() if file == "-" else file,
-        scene,
-        order=order,
-        h=None if step is None else read_float(step, "step"),
-        mass=_numbers(mass, "mass"),
-        columns=chosen,
-        layout=where,
-        period=_numbers(period, "period"),
-        tolerance=None if tolerance is None else read_float(tolerance, "tolerance"),
-        progress=output.progress.update,
-    )
-    table = report.to_table(limit)
+    source = standard_input() if file == "-" else file
+    report = shadow_energy(source, scene, columns=chosen, progress=output.progress.update, **options)
+    table = report.to_table(bound)
     if plot.path is not None:
         report.save_plot(plot.path)
     return table
-
-
-def _numbers(text: str | None, option: str) -> Any:
-    """A list of numbers; None if there is none."""
-    return None if text is None else [read_float(piece, option) for piece in split_row(text)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,25 +11,24 @@ import click
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.ensemble import simulate_ensemble, takes_ensemble
 from bseries.cli.options.expectation import Expectation
-from bseries.cli.options.method_argument import takes_method_option
-from bseries.cli.options.numbers import read_given
-from bseries.cli.options.plot import takes_plot
-from bseries.cli.options.scene_argument import read_parts, read_start, takes_parts, takes_scene
-from bseries.cli.output import NO_LATEX, WholeNumber, takes_output
+from bseries.cli.options.method_argument import takes_method
+from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
+from bseries.cli.options.values import WholeNumber, takes_step
+from bseries.cli.output import NO_LATEX, takes_output, takes_plot
+from foundation.table import Table, number_column
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
     from bseries.advice.predictions.prediction import Prediction
     from bseries.cli.options.ensemble import EnsembleOptions
     from bseries.cli.options.method_argument import Method
-    from bseries.cli.options.plot import PlotFile
-    from bseries.cli.output import Output
-    from foundation.table import Table
+    from bseries.cli.output import Output, PlotFile
     from integrators import Scene
+    from integrators.runs.trajectory import Trajectory
 
 OBSERVATIONS = 1000
 """The default number of observations of runs that store no states, and of states for a plot of them."""
+MOST_ROWS = 60
+"""The most rows of printed tables; JSON has all."""
 
 
 def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
@@ -46,12 +45,12 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
 
 @click.command()
 @takes_scene(as_argument=True)
-@takes_method_option
+@takes_method(as_option=True)
 @takes_parts
-@click.option("--step", metavar="H", help="The step size, as in 0.1 or 1/10; negative to integrate backwards.")
+@takes_step
 @click.option("--steps", type=WholeNumber(), help="The number of steps.")
 @click.option("--span", metavar="T", help="The time span, instead of --steps; the last step may end later.")
-@click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
+@takes_start
 @click.option("--save-every", type=WholeNumber(), metavar="K", help="Store every K-th state in FILE; by default, all.")
 @click.option(
     "--observe", "observe", metavar="NAME", multiple=True,
@@ -76,21 +75,19 @@ def simulate(
     scene: Scene,
     method: Method,
     effects: Sequence[str],
-    parts: str | None,
-    step: str | None,
+    *,
     steps: int | None,
     span: str | None,
-    start: str | None,
+    start: Any,
     save_every: int | None,
     observe: Sequence[str],
     observe_every: int | None,
-    solver: str,
-    checkpoint: str | None,
     predict: bool | None,
     to: str | None,
     many: EnsembleOptions | None,
     plot: PlotFile,
     output: Output,
+    **common: Any,
 ) -> Table:
     """Integrate a scene with a method.
 
@@ -117,43 +114,26 @@ def simulate(
       bseries simulate --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --method gauss2 --step 0.1 --steps 100
       bseries simulate lennard-jones --method stormer-verlet --step 0.005 --steps 2000 --ensemble 400 --temperature 0.1
     """
-    from bseries.advice.run_summary import run_summary
     from integrators.exact.arguments import step_count
     from integrators.runs.integration import integrate
     from integrators.steppers.states import StepError
 
-    h = _number(step, "step")
-    count = step_count(h, steps, span)
-    if start is not None:
-        scene = read_start(start, scene)
-    common: dict[str, Any] = {
-        "h": h,
-        "steps": count,
-        "parts": read_parts(parts, method, scene),
-        "observe": list(observe) or _energy(scene),
-        "solver": solver,
-        "checkpoint": checkpoint,
-    }
+    count = step_count(common["h"], steps, span)
+    scene = scene if start is None else scene.with_start(**start)
+    has_energy = scene.is_hamiltonian or scene.with_effects().is_hamiltonian
+    common |= {"steps": count, "observe": list(observe) or ("energy" if has_energy else None)}
     if many is not None:
         if save_every is not None:
             raise Refusal(
                 "save-every must be left out with --ensemble, which stores no intermediate states, but was given"
             )
-        return simulate_ensemble(
-            many,
-            scene,
-            method,
-            effects,
-            observe_every=observe_every,
-            to=to,
-            predict=predict,
-            plot=plot,
-            output=output,
-            **common,
-        )
+        common |= {"observe_every": observe_every, "to": to, "predict": predict, "plot": plot, "output": output}
+        return simulate_ensemble(many, scene, method, effects, **common)
     kept = save_every if save_every is not None or (to is None and not output.has_records) else 1
     if kept is None:
-        kept, observe_every = _few(count, observe_every, of_states=plot.path is not None and not common["observe"])
+        interval = max(1, count // OBSERVATIONS)
+        kept = interval if plot.path is not None and not common["observe"] else None
+        observe_every = interval if observe_every is None else observe_every
 
     def expect(cost: float | None) -> Prediction:
         from bseries.advice.predictions.run_prediction import predict_run
@@ -167,48 +147,67 @@ def simulate(
     except StepError as error:
         raise Refusal(f"{error}" + (f"; the states before it are in {to}" if to else "")) from None
     except KeyboardInterrupt:
+        checkpoint = common["checkpoint"]
         where = f"; the same command continues from {checkpoint}" if checkpoint else f"; {to} has these" if to else ""
         say("warning", f"stopped after {watch.done:,} of {count:,} steps{where}")
         raise
     if output.has_records and run.observed and run.observed_t is not run.t:
         raise Refusal("observe-every must be left out for csv, which has a line for each state, but was given")
     plot.save(lambda: run.plot(y=list(run.observed), change=bool(run.observed)))
-    return _with_outcome(run_summary(run, scene, method.name, count, effects=effects), scene, watch, to, len(run.t))
+    return _summary(run, scene, method, effects, count, watch, to)
 
 
-def _number(text: str | None, option: str) -> Fraction:
-    """The number given by an option: exact if it is rational, else rounded to a double."""
-    from fractions import Fraction
+def _summary(
+    run: Trajectory,
+    scene: Scene,
+    method: Method,
+    effects: Sequence[str],
+    steps: int,
+    watch: Expectation,
+    to: str | None,
+) -> Table:
+    """The start, the end and the largest changes of a run, its cost, and a comparison with the prediction."""
+    from bseries.scene_text import head, place
+    from integrators.runs.trajectory import START_AND_END
 
-    value = read_given(text, option)
-    return value if isinstance(value, Fraction) else Fraction(float(value))
-
-
-def _few(count: int, observe_every: int | None, *, of_states: bool) -> tuple[int | None, int | None]:
-    """Intervals of stored states and of observations where no states are asked for."""
-    interval = max(1, count // OBSERVATIONS)
-    return interval if of_states else None, interval if observe_every is None else observe_every
-
-
-def _energy(scene: Scene) -> str | None:
-    """The default of --observe."""
-    return "energy" if scene.is_hamiltonian or scene.with_effects().is_hamiltonian else None
-
-
-def _with_outcome(summary: Table, scene: Scene, watch: Expectation, to: str | None, states: int) -> Table:
-    """The summary of a run with its cost, its file, and a comparison with the prediction."""
-    from bseries.advice.run_summary import energy_error
-
-    facts = dict(summary.data())
-    records, cost = facts.pop("rows"), watch.seconds_per_step
-    lost = energy_error(records) if scene.is_hamiltonian else None
-    notes = []
+    records, cost, notes = list(_records(run, scene)), watch.seconds_per_step, list[str]()
+    lost = None
+    if scene.is_hamiltonian:
+        energies = (record for record in records if record["what"] == "energy")
+        lost = next((r["change"] if r["relative"] is None else r["relative"] for r in energies), None)
+    if run.observed:
+        times = f"{len(run.observed_t):,} times"
+        notes.append(f"change: the largest distance from the start, at {times}; relative: as a part of the start.")
+    if len(records) > MOST_ROWS:
+        notes.append(f"The first {MOST_ROWS} of {len(records):,} rows are shown; --format json has them all.")
     if cost is not None:
         notes.append(f"A step took {cost * 1e9:,.0f} ns." if cost < 1e-4 else f"A step took {cost * 1e3:,.2f} ms.")
     if to is not None:
-        notes.append(f"{to} has {states:,} states.")
-    facts["seconds_per_step"] = cost
+        notes.append(f"{to} has {len(run.t):,} states.")
+    facts = {**head("simulation", method.name, scene, effects), "h": run.h, "steps": steps}
+    facts |= {"t": [float(run.t[0]), float(run.t[-1])], "seconds_per_step": cost}
     if watch.prediction is not None:
         facts |= {"prediction": watch.prediction.to_dict(), "outcome": watch.outcome(lost)}
     facts |= {"file": to, "rows": records}
-    return summary.extended([*notes, *watch.notes(lost)])._replace(data=lambda: facts)
+    return Table(
+        f"{place(method.name, scene, effects)}: {steps:,} steps of {run.h:g}, t = {run.t[0]:g} to {run.t[-1]:g}",
+        (*START_AND_END, number_column("relative", ".3g")),
+        records[:MOST_ROWS],
+        [*notes, *watch.notes(lost)],
+        data=lambda: facts,
+        items="rows",
+        records=run.to_table().records,
+    )
+
+
+def _records(run: Trajectory, scene: Scene) -> Iterator[dict[str, Any]]:
+    """The records of the table of a run, with changes relative to the start; None for numbers that are not finite."""
+    from bseries.advice.measures import energy_size
+
+    for record in run.to_table().rows:
+        if "change" in record:
+            change, first = record["change"], record["start"]
+            only_rounding = first and record["what"] == "energy" and energy_size(scene, run.y[:, 0]) != abs(first)
+            known = change is not None and first and not only_rounding
+            record = record | {"relative": change / abs(first) if known else None}
+        yield record

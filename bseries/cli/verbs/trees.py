@@ -7,9 +7,8 @@ from typing import Any
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.numbers import takes_max_children
-from bseries.cli.options.plot import PlotFile, takes_plot
-from bseries.cli.output import Output, WholeNumber, takes_output
+from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
 
@@ -37,7 +36,7 @@ def trees(order: int, colors: int, max_children: Any, count: bool, plot: PlotFil
       bseries trees --order 15 --format csv -o trees.csv
     """
     from trees import TreeTable, count_trees
-    from trees.listing import count_table
+    from trees.counting import count_table
 
     counts = count_trees(order, colors, max_children)
     if count:

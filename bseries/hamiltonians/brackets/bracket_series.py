@@ -19,8 +19,7 @@ from foundation.table import MOST_ROWS, Column, Table, listed, short_latex
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
 
-Bracket = tuple[str, ...]
-"""The names in a right-nested bracket: ("T", "T", "U") stands for {T,{T,U}}."""
+Bracket = tuple[str, ...]  # the names in a right-nested bracket: ("T", "T", "U") stands for {T,{T,U}}
 
 BRACES, COMMUTATORS = "{}", "[]"
 
@@ -68,7 +67,6 @@ class BracketSeries(Mapping[Bracket, Any]):
         self.digits, self.basis = digits, basis
         self._errors, self._fences = errors, fences
         self._terms = tuple(map(dict, terms))
-        self._values = {word: value for term in self._terms for word, value in term.items()}
 
     @property
     def order(self) -> int:
@@ -85,13 +83,18 @@ class BracketSeries(Mapping[Bracket, Any]):
         return {word: value for word, value in self._terms[k].items() if value}
 
     @cached_property
+    def _values(self) -> dict[Bracket, Any]:
+        return {word: value for term in self._terms for word, value in term.items()}
+
+    @cached_property
     def _words(self) -> dict[str, Bracket]:
         return {self._text(word): word for word in self._values}
 
     def _text(self, word: Bracket, fences: Sequence[str] = ()) -> str:
+        left, right = fences or self._fences
         if self.basis == "nested":
-            return bracket_text(word, fences or self._fences)
-        return lyndon_text(word, fences or self._fences, self.parts)
+            return "".join(f"{left}{name}," for name in word[:-1]) + word[-1] + right * (len(word) - 1)
+        return lyndon_text(word, (left, right), self.parts)
 
     def _word(self, bracket: object) -> Any:
         return self._words.get(bracket.replace(" ", "")) if isinstance(bracket, str) else bracket
@@ -188,12 +191,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         if self.basis != "nested":
             data["basis"] = self.basis
         data["terms"] = [
-            {
-                "power": k,
-                "bracket": self._text(word),
-                "letters": list(word),
-                "coefficient": self._number_text(word),
-            }
+            {"power": k, "bracket": self._text(word), "letters": list(word), "coefficient": self._number_text(word)}
             for k, term in enumerate(self._terms)
             for word in term
         ]
@@ -221,29 +219,12 @@ class BracketSeries(Mapping[Bracket, Any]):
             data=lambda: {**data, "terms": kept},
             items="terms",
             records=listed([(name, itemgetter(name)) for name in ("power", "bracket", "coefficient")], kept),
-            own={"latex": lambda width: _equation(self, powers)},
+            own={"latex": lambda width: align([(ENERGY, _summands(self, powers))], powers[0], powers[-1])},
         )
 
 
-def bracket_text(word: Sequence[str], fences: Sequence[str] = BRACES) -> str:
-    """A right-nested bracket as text.
-
-    Example:
-        >>> bracket_text(("T", "T", "U"))
-        '{T,{T,U}}'
-    """
-    left, right = fences
-    opening = "".join(f"{left}{name}," for name in word[:-1])
-    return opening + word[-1] + right * (len(word) - 1)
-
-
 def lyndon_text(word: Sequence[str], fences: Sequence[str], letters: Sequence[str]) -> str:
-    """The bracket [P_u, P_v] of a Lyndon word uv, where v is its smallest proper suffix, as text.
-
-    Example:
-        >>> lyndon_text("AABB", "[]", "AB")
-        '[A,[[A,B],B]]'
-    """
+    """The bracket [P_u, P_v] of a Lyndon word uv, where v is its smallest proper suffix, as text."""
     if len(word) == 1:
         return word[0]
     cut = min(range(1, len(word)), key=lambda start: [letters.index(x) for x in word[start:]])
@@ -261,11 +242,6 @@ def _sum(terms: Any) -> str:
         summand = bracket if factor == "1" else f"{factor} {bracket}"
         text += f" {sign} {summand}" if text else f"-{summand}" if sign == "-" else summand
     return text or "0"
-
-
-def _equation(brackets: BracketSeries, powers: Sequence[int]) -> str:
-    """The sum as a displayed align."""
-    return align([(ENERGY, _summands(brackets, powers))], powers[0], powers[-1])
 
 
 def _summands(brackets: BracketSeries, powers: Sequence[int]) -> list[str]:

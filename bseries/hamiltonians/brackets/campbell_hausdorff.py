@@ -30,7 +30,7 @@ from integrators.methods.programs.builder import read_parts
 from integrators.methods.programs.program import Method
 from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
-from trees.table import TreeTable, tree_table
+from trees.table import tree_table
 
 
 def bracket_hamiltonian(
@@ -131,9 +131,36 @@ def bch(
 
 
 def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown: Any) -> BracketSeries:
-    """The modified Hamiltonian of a method, with the quadratic part `kinetic`."""
-    table = bracket_table(method, order, kinetic)
-    fields = fields_of(series(trusted(method), table), None)  # pyright: ignore[reportArgumentType]
+    """The modified Hamiltonian of a method, with the quadratic part `kinetic`.
+
+    Its trees distinguish the brackets of the parts: words, or those of separable or Nyström systems.
+    """
+    if order is None:
+        raise SeriesError("order must be given for a method, but was None")
+    if auxiliary_colors(method):
+        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
+    colors = len(method.names)
+    brackets = sum(count_lyndon_words(min(check_order(order), 40), colors))
+    if brackets > MOST_BRACKETS:
+        raise SeriesError(f"order must be smaller: there are {brackets} brackets to order {order}")
+    own = method.max_children
+    if kinetic is not None:
+        # One quadratic part T(p), and other parts that depend on q.
+        bounds: Any = [
+            [*(int(other != kinetic) for other in range(colors)), 1]
+            if color == kinetic
+            else [*(None if other == kinetic else 0 for other in range(colors)), None]
+            for color in range(colors)
+        ]
+    elif is_chain(method):
+        bounds = TALL
+    elif own is not None:
+        raise SeriesError(f"quadratic_kinetic must not be False for {method.name}, which is made for quadratic T")
+    elif colors == 2:
+        bounds = SEPARABLE
+    else:
+        raise SeriesError(f"method must be made of flows where it has {colors} parts, but {method.name} is not")
+    fields = fields_of(series(trusted(method), tree_table(order, colors, bounds)), None)
     return _in_brackets(fields, method.names, method.name, kinetic, **shown)
 
 
@@ -188,50 +215,14 @@ def _coordinates(
     return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(values)], errors
 
 
-MOST_BRACKETS = 800
-"""Largest number of brackets, which takes one or two minutes: two parts to order 12."""
+MOST_BRACKETS = 800  # largest number of brackets, which takes one or two minutes: two parts to order 12
 
-HAMILTONIAN_NAMES = {"p": "U", "q": "T"}
-"""The flow of U(q) changes momenta, and that of T(p) positions."""
+HAMILTONIAN_NAMES = {"p": "U", "q": "T"}  # the flow of U(q) changes momenta, and that of T(p) positions
 
 
 def is_chain(method: Method) -> bool:
     """Whether a method is a chain of flows."""
     return isinstance(inputs_of(method, 1), FlowChain)
-
-
-def bracket_table(method: Method, order: int | None, kinetic: int | None) -> TreeTable:
-    """Trees that distinguish the brackets of a method's parts: words, or those of separable or Nyström systems."""
-    if order is None:
-        raise SeriesError("order must be given for a method, but was None")
-    if auxiliary_colors(method):
-        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
-    colors = len(method.names)
-    brackets = sum(count_lyndon_words(min(check_order(order), 40), colors))
-    if brackets > MOST_BRACKETS:
-        raise SeriesError(f"order must be smaller: there are {brackets} brackets to order {order}")
-    own = method.max_children
-    if kinetic is not None:
-        bounds: Any = _nystrom_bounds(colors, kinetic)
-    elif is_chain(method):
-        bounds = TALL
-    elif own is not None:
-        raise SeriesError(f"quadratic_kinetic must not be False for {method.name}, which is made for quadratic T")
-    elif colors == 2:
-        bounds = SEPARABLE
-    else:
-        raise SeriesError(f"method must be made of flows where it has {colors} parts, but {method.name} is not")
-    return tree_table(order, colors, bounds)
-
-
-def _nystrom_bounds(colors: int, kinetic: int) -> list[list[int | None]]:
-    """Bounds on children for fields with one quadratic part T(p) and other parts that depend on q."""
-    return [
-        [*(int(other != kinetic) for other in range(colors)), 1]
-        if color == kinetic
-        else [*(None if other == kinetic else 0 for other in range(colors)), None]
-        for color in range(colors)
-    ]
 
 
 def kinetic_of(bounds: Any, colors: int) -> int | None:

@@ -18,11 +18,9 @@ from typing import Any
 from trees.lyndon_words import lyndon_words
 from trees.table import TreeTable
 
-Word = tuple[int, ...]
-"""The letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}."""
+Word = tuple[int, ...]  # the letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}
 
-TALL = 1
-"""The number of children of a node in tall trees, which correspond to words."""
+TALL = 1  # the number of children of a node in tall trees, which correspond to words
 
 
 class Span:
@@ -39,7 +37,8 @@ class Span:
                 break
             coefficients = vectors(word)
             vector = {tree: Fraction(coefficients[tree]) for tree in trees if tree in coefficients}
-            vector[self._key(len(self.words))] = Fraction(1)
+            # Trees have the keys 0, 1, …; −1 − k is that of the multiple of the k-th word that was subtracted.
+            vector[-1 - len(self.words)] = Fraction(1)
             self._eliminate(vector, Fraction)
             pivot = max(vector)
             if pivot >= 0:
@@ -50,12 +49,7 @@ class Span:
         """The coordinates of an element with given coefficients by tree; `vector` becomes the remainder."""
         self._eliminate(vector, number)
         zero = number(Fraction(0))
-        return [-vector.pop(self._key(k), zero) for k in range(len(self.words))]
-
-    @staticmethod
-    def _key(k: int) -> int:
-        """The key for the multiple of the k-th word that was subtracted; trees have the keys 0, 1, …"""
-        return -1 - k
+        return [-vector.pop(-1 - k, zero) for k in range(len(self.words))]
 
     def _eliminate(self, vector: dict[int, Any], number: Callable[[Fraction], Any]) -> None:
         for pivot, row in self._rows:
@@ -74,15 +68,6 @@ class LieAlgebra:
     """Lie algebra of the brackets of the parts of a field, as series on a table of trees.
 
     The colours `letters` are in the sorting order of words.
-
-    Example:
-        >>> from trees.table import tree_table
-        >>> free = LieAlgebra(tree_table(5, 2, 1), (0, 1))
-        >>> ["".join(map("TU".__getitem__, word)) for word in free.basis(5)]
-        ['TTTTU', 'UTTTU', 'UUTTU', 'TTUUT', 'TUUUT', 'UUUUT']
-        >>> quadratic = LieAlgebra(tree_table(5, 2, [[0, 1, 1], [None, 0]]), (0, 1))
-        >>> ["".join(map("TU".__getitem__, word)) for word in quadratic.basis(5)]
-        ['TTTTU', 'UTTTU', 'UUTTU', 'TTUUT']
 
     References:
         C. Reutenauer, *Free Lie Algebras*, Oxford 1993, chapters 4 and 5;
@@ -141,8 +126,7 @@ class LieAlgebra:
         return found
 
 
-lie_algebra = lru_cache(maxsize=8)(LieAlgebra)
-"""The Lie algebra on a table of trees, kept in memory."""
+lie_algebra = lru_cache(maxsize=8)(LieAlgebra)  # the Lie algebra on a table of trees, kept in memory
 
 
 def _listing_order(word: Word) -> tuple[Word, Word]:

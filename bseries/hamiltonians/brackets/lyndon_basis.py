@@ -10,8 +10,10 @@ tanh(ad_A/2) of the odd ones, and [A, P_x] = P_Ax.
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any
@@ -20,19 +22,25 @@ from bseries.exact.rationals import primes_up_to
 from trees.compiled import kernel
 from trees.lyndon_words import count_lyndon_words
 
-MOST_LETTERS = 20
-"""Of these words, 111,013 are Lyndon words; each further letter takes five times as long."""
-PRIME = 2**31 - 1
-"""Checks the results modulo 2^64."""
+MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further letter takes five times as long
+PRIME = 2**31 - 1  # checks the results modulo 2^64
 
 
+@contextmanager
+def _collecting_later() -> Iterator[None]:
+    """No search for garbage: it would visit the new tuples and fractions again and again, for a quarter of the time."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+@_collecting_later()
 def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict[tuple[str, ...], Fraction]]:
-    """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word.
-
-    Example:
-        >>> bch_terms(3, "AB", symmetric=False)[2]
-        {('A', 'A', 'B'): Fraction(1, 12), ('A', 'B', 'B'): Fraction(1, 12)}
-    """
+    """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word."""
     import numpy as np
 
     words = LyndonWords(order)
@@ -45,9 +53,10 @@ def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict
     letters, terms = np.array(list(names), object), []
     for n in range(1, order + 1):
         numerators, denominator = (not symmetric and odd.get(n)) or _applied(operator, odd, words, n)
-        coordinates = [Fraction(x, denominator) for x in numerators]
-        bits = words.codes[words.of_length(n)][:, None] >> np.arange(n)[::-1] & 1
-        terms.append(dict(zip(map(tuple, letters[bits].tolist()), coordinates, strict=True)))
+        codes = words.codes[words.of_length(n)]
+        columns = (letters[codes >> k & 1].tolist() for k in reversed(range(n)))
+        fractions = {x: Fraction(x, denominator) for x in set(numerators)}  # half as many in even degrees
+        terms.append(dict(zip(zip(*columns, strict=True), map(fractions.__getitem__, numerators), strict=True)))
     return terms
 
 
@@ -84,14 +93,7 @@ def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:
     """Coefficients of the words A…B of n letters in log(exp A exp B), by the lengths of their blocks of equal letters.
 
     A word of m blocks of lengths s_i, m even, has ∫₀¹ t^(m/2) (t−1)^(m/2−1) Π G_(s_i)(t) dt with the polynomials
-    G_1 = 1, s G_s = (t (t−1) G_(s−1))′.
-
-    Example:
-        >>> dict(goldberg_coefficients(3))
-        {(2, 1): Fraction(1, 12)}
-
-    References:
-        K. Goldberg, Duke Math. J. 23 (1956) 13–21, doi:10.1215/S0012-7094-56-02302-X.
+    G_1 = 1, s G_s = (t (t−1) G_(s−1))′ (K. Goldberg, Duke Math. J. 23 (1956) 13–21).
     """
     import flint
 
@@ -175,8 +177,7 @@ def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
     return found[:, 0]
 
 
-LANES = 16
-"""Words that are treated at once, in SIMD registers."""
+LANES = 64  # words that are treated at once; LLVM does not vectorise loops over 16
 
 
 @kernel
@@ -191,7 +192,7 @@ def lyndon_words(length, place, lengths, codes, left, right, norms):
     place[:] = -1
     count = 0
     for n in range(1, length + 1):
-        for code in range(1 << n):
+        for code in range(int(n > 1), 1 << max(n - 1, 1), min(n, 2)):  # from letter A to letter B, if several
             if _is_lyndon(code, n):
                 place[(1 << n) + code] = count
                 lengths[count], codes[count] = n, code

@@ -16,9 +16,9 @@ import sympy
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, refusing_large
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.polynomials import Element
+from bseries.fields.polynomials import Element
 from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
 from bseries.hamiltonians.brackets.campbell_hausdorff import in_brackets, is_chain, kinetic_of, shown_names
 from integrators.methods.programs.program import Method
@@ -26,31 +26,22 @@ from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian
 from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
 from integrators.scenes.scene import Scene
 
-MOST_SIMPLIFIED = 2000
-"""Formulas with more monomials are not simplified, which would take longer than their computation."""
+MOST_SIMPLIFIED = 2000  # formulas with more monomials are not simplified: it would take longer than computing them
 
 
 def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
-    """The modified Hamiltonian of a splitting method on a scene, as formulas by power of h; see `bracket_hamiltonian`.
-
-    Example:
-        >>> import bseries as bs
-        >>> bracket_terms(bs.method("stormer-verlet"), bs.scene("pendulum"), 3)
-        (p**2/2 - cos(q), 0, p**2*cos(q)/12 - sin(q)**2/24)
-        >>> bracket_terms(bs.method("lie-trotter"), bs.scene("lotka-volterra"), 2)[1]
-        (p - 1)*(q - 2)/2
-
-    References:
-        HLW, section IX.3 (Hamiltonian and Poisson); E. Hairer, lecture on long-time behaviour, example 6.
-    """
+    """The modified Hamiltonian of a splitting method on a scene, by power of h; see `bracket_hamiltonian`."""
     if len(check_method(method).names) < 2:
         raise SeriesError(f"method must treat parts of the field differently, but {method.name} has one part only")
     pieces = pieces_of(method.names, scene, parts)
     own = method.max_children
     check_kind(method.name, own, pieces, scene)
-    kinetic = kinetic_of(degrees(scene, pieces) if own is None else own, len(pieces))
-    if kinetic is None and not is_chain(method):
-        _check_separable(method.name, pieces, scene)
+    bounds = degrees(scene, pieces)
+    kinetic = kinetic_of(bounds if own is None else own, len(pieces))
+    if kinetic is None and not is_chain(method) and any(row[k] != 0 for k, row in enumerate(bounds)):
+        raise SeriesError(
+            f"scene must be separable for {method.name}, which is no chain of flows, but {scene.name} is not"
+        )
     energies = dict(zip(shown_names(method.names), part_hamiltonians(scene, pieces), strict=True))
     return _evaluated(in_brackets(method, order, kinetic), scene, energies)
 
@@ -81,13 +72,6 @@ def _sorted_terms(energy: sympy.Expr, pieces: Sequence[Piece], scene: Scene) -> 
             return None
         found[at].append(cast("sympy.Expr", term))
     return [sympy.Add(*terms) for terms in found]
-
-
-def _check_separable(name: str, pieces: Sequence[Piece], scene: Scene) -> None:
-    """Check that no part depends on its own variables, for methods that are splittings only then."""
-    rows = degrees(scene, pieces)
-    if any(row[k] != 0 for k, row in enumerate(rows)):
-        raise SeriesError(f"scene must be separable for {name}, which is no chain of flows, but {scene.name} is not")
 
 
 def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sympy.Expr]) -> tuple[sympy.Expr, ...]:

@@ -109,11 +109,7 @@ class MethodCatalogue(Tabular, tuple["MethodEntry", ...]):
         """Names, stages, orders and descriptions; records have sources too."""
         fields: dict[str, Any] = {field: attrgetter(field) for field in METHOD_FIELDS}
         fields |= {"name": _shown_name, "stages": lambda entry: entry.stages or "s"}
-
-        def data() -> dict[str, Any]:
-            records = [{field: get(entry) for field, get in fields.items()} for entry in self]
-            return {"schema": 1, "kind": "methods", "methods": records}
-
+        methods = [{field: get(entry) for field, get in fields.items()} for entry in self]
         columns = (
             Column("name", get=_shown_name),
             Column("stages", True, _shown_stages),
@@ -124,7 +120,7 @@ class MethodCatalogue(Tabular, tuple["MethodEntry", ...]):
             "Methods",
             columns,
             self,
-            data=data,
+            data=lambda: {"schema": 1, "kind": "methods", "methods": methods},
             items="methods",
             section=lambda entry: entry.kind.upper(),
             records=listed(fields.items(), self),
@@ -146,10 +142,7 @@ def _shown_description(entry: MethodEntry) -> str:
 
 
 def catalogue() -> MethodCatalogue:
-    """List the catalogue.
-
-    Returns:
-        A tuple with an entry for each method and each family of methods, none of them built.
+    """The catalogue: a tuple with an entry for each method and each family of methods, none of them built.
 
     Example:
         >>> [entry.name for entry in catalogue() if entry.kind == "diagonally implicit"][:3]
@@ -176,9 +169,6 @@ def method(name: str, /, **parameters: Any) -> Method:
             stages, as in ``gauss3``. An ambiguous name, such as ``midpoint``, is refused with a list of candidates.
         parameters: Values of its free parameters, each an int, a Fraction, a text such as ``"1/2 - sqrt(3)/6"`` or a
             SymPy expression. A parameter that is not given stays a symbol, or has its customary value.
-
-    Returns:
-        The method, with its source in ``reference``.
 
     Raises:
         IntegratorError: The method, the number of stages or a parameter is unknown.
@@ -266,7 +256,7 @@ RECOMMENDED = {
 
 
 def recommended(order: int, kind: str = "splitting") -> str:
-    """The method of the catalogue with the smallest effective error.
+    """The name of the method of the catalogue with the smallest effective error.
 
     The effective error is s ‖e‖^(1/p) for a method of order p with s stages (flows of the part with fewer flows). The
     leading errors e are the coefficients minus those of the exact flow, at all words in two letters or at all trees of
@@ -277,9 +267,6 @@ def recommended(order: int, kind: str = "splitting") -> str:
         order: The order: 4, 6, 8, or 10.
         kind: ``"splitting"`` for two arbitrary parts, ``"nystrom splitting"`` for q'' = g(q), ``"composition"`` for the
             schemes of `symmetric_composition`.
-
-    Returns:
-        Its name.
 
     Raises:
         IntegratorError: The kind is unknown, or the catalogue has no such method of that order.

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from integrators.methods.catalogue.registry import MethodEntry, lower_rows
-from integrators.methods.kinds.rosenbrock import Rosenbrock, WMethod
+from integrators.methods.kinds.extended_runge_kutta import Rosenbrock, WMethod
 
 HW = "Hairer, Wanner, Solving Ordinary Differential Equations II (1996), §IV.7, doi:10.1007/978-3-642-05221-7"
 KAPS_RENTROP = "P. Kaps, P. Rentrop, Numer. Math. 33 (1979) 55–68, doi:10.1007/BF01396495"

@@ -12,7 +12,7 @@ from functools import partial
 from itertools import zip_longest
 
 from integrators.methods.catalogue.registry import MethodEntry
-from integrators.methods.kinds.composition_schemes import (
+from integrators.methods.kinds.compositions import (
     FOREST_RUTH,
     MCLACHLAN,
     SCHEMES,

@@ -32,15 +32,10 @@ TOKEN = re.compile(r"[^\W\d]\w*|\d[\w.]*|\S")
 
 
 class Language(NamedTuple):
-    """The arrays of a language.
+    """The arrays of a language."""
 
-    Attributes:
-        skipped: What is no code: comments and text in quotes.
-        to_lists: Rewrites the value of an assignment as a Python expression.
-    """
-
-    skipped: str
-    to_lists: Callable[[str], str]
+    skipped: str  # what is no code: comments and text in quotes
+    to_lists: Callable[[str], str]  # rewrites the value of an assignment as a Python expression
 
 
 def read_arrays(text: str, names: Iterable[str], language: Language) -> dict[str, Any]:
@@ -52,7 +47,12 @@ def read_arrays(text: str, names: Iterable[str], language: Language) -> dict[str
     """
     if len(text) > MOST_CHARACTERS:
         raise IntegratorError(f"text must have at most {MOST_CHARACTERS:,} characters, but has {len(text):,}")
-    code = re.sub(language.skipped, _blank, text, flags=re.DOTALL | re.MULTILINE)
+
+    def blank(match: re.Match[str]) -> str:
+        """Text in quotes becomes empty quotes, a comment a space."""
+        return '""' if match[0][0] in "\"'" else "\n" * match[0].count("\n") or " "
+
+    code = re.sub(language.skipped, blank, text, flags=re.DOTALL | re.MULTILINE)
     found = {}
     for name in names:
         values = list(islice((value for value in _assigned(code, name) if not _is_empty(value, name)), 2))
@@ -61,11 +61,6 @@ def read_arrays(text: str, names: Iterable[str], language: Language) -> dict[str
         for value in values:
             found[name] = _Reader(name, language.to_lists(value)).read()
     return found
-
-
-def _blank(match: re.Match[str]) -> str:
-    """Text in quotes becomes empty quotes, a comment a space."""
-    return '""' if match[0][0] in "\"'" else "\n" * match[0].count("\n") or " "
 
 
 def _assigned(code: str, name: str) -> Iterator[str]:
@@ -95,24 +90,20 @@ class _Reader:
         self.bytes = self.source.encode()
 
     def read(self) -> Any:
-        self._check_size()
-        try:
-            tree = ast.parse(self.source, mode="eval")
-        except (SyntaxError, ValueError, MemoryError, RecursionError):
-            self._refuse(self.source)
-        return self._array(tree.body)
-
-    def _check_size(self) -> None:
-        """Refuse what would overflow the stack of the parser."""
         if self.source.count(",") > MOST_ENTRIES:
             raise IntegratorError(f"{self.name} must have at most {MOST_ENTRIES:,} entries, but has more")
         depth = tokens = 0
-        for token in TOKEN.findall(self.source):
+        for token in TOKEN.findall(self.source):  # refuses what would overflow the stack of the parser
             depth += (token in "([{") - (token in ")]}")
             tokens = 0 if token in ",[" else tokens + 1
             if depth > MOST_BRACKETS or tokens > MOST_TOKENS:
                 what = f"at most {MOST_BRACKETS} nested brackets and entries of at most {MOST_TOKENS} parts"
                 raise IntegratorError(f"{self.name} must have {what}, but has more")
+        try:
+            tree = ast.parse(self.source, mode="eval")
+        except (SyntaxError, ValueError, MemoryError, RecursionError):
+            self._refuse(self.source)
+        return self._array(tree.body)
 
     def _array(self, node: ast.expr) -> Any:
         """Nested lists of formulas."""

@@ -29,25 +29,16 @@ LITERAL = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 class Format(NamedTuple):
-    """The text and the objects of one package.
+    """The text and the objects of one package."""
 
-    Attributes:
-        language: The language of the text.
-        marks: A pattern of what only text in this format has.
-        title: A pattern of the name of the method in the text.
-        names: The names of the arrays in the text.
-        write: The text of a method.
-        tableau: Stage matrix, weights, nodes and rows of embedded weights from the arrays; the nodes may be None.
-        prepare: Rewrites text without assignments.
-    """
-
-    language: Language
-    marks: str
-    title: str
-    names: Sequence[str]
+    language: Language  # the language of the text
+    marks: str  # a pattern of what only text in this format has
+    title: str  # a pattern of the name of the method in the text
+    names: Sequence[str]  # the names of the arrays in the text
     write: Callable[[RungeKutta], str]
+    # stage matrix, weights, nodes and rows of embedded weights from the arrays; the nodes may be None
     tableau: Callable[[Mapping[str, Any]], tuple[Any, Any, Any, Any]]
-    prepare: Callable[[str], str] = str
+    prepare: Callable[[str], str] = str  # rewrites text without assignments
 
 
 class Numbers(NamedTuple):
@@ -82,25 +73,18 @@ def rounded(method: RungeKutta) -> RungeKutta:
     return method.to_float() if method.domain == "algebraic" else method
 
 
-def header(method: RungeKutta, package: str, *notes: str) -> str:
-    """The text of the first comment."""
-    return " ".join([f"{printable(method.name)}, a tableau for {package}.", *filter(None, notes)])
-
-
-def rounding(method: RungeKutta) -> str:
-    """A note on roots."""
-    return "Roots are rounded to doubles." if method.domain == "algebraic" else ""
-
-
-def one_row(method: RungeKutta) -> str:
-    """A note on embedded weights that do not fit."""
+def header(method: RungeKutta, package: str, embedded: Any = None, *, order: int = 0, rounds: bool = True) -> str:
+    """The text of the first comment, with what had no place; by default, embedded weights beyond the first row."""
     count = len(method.embedded)
-    return f"Only the first of {count} rows of embedded weights is here." if count > 1 else ""
-
-
-def at_least(order: int) -> str:
-    """A note on an order that is not determined."""
-    return f"Its order is {MAX_ORDER} or more." if order == MAX_ORDER else ""
+    if embedded is None:
+        embedded = f"Only the first of {count} rows of embedded weights is here." if count > 1 else ""
+    notes = [
+        f"{printable(method.name)}, a tableau for {package}.",
+        embedded,
+        "Roots are rounded to doubles." if rounds and method.domain == "algebraic" else "",
+        f"Its order is {MAX_ORDER} or more." if order == MAX_ORDER else "",
+    ]
+    return " ".join(filter(None, notes))
 
 
 def printable(name: str) -> str:
@@ -134,9 +118,8 @@ def require(method: RungeKutta, package: str, *, holds: bool, what: str) -> None
         raise IntegratorError(f"method must be {what} for {package}, but was {shorten(method.name)}")
 
 
-def require_row_sums(method: RungeKutta, package: str) -> None:
-    """Refuse nodes that a package would replace."""
-    require(method, package, holds=not method.issues, what="consistent, with nodes that are the row sums,")
+ROW_SUMS = "consistent, with nodes that are the row sums,"
+"""What packages need that replace nodes by row sums."""
 
 
 def square(values: Any, stages: int) -> Any:
@@ -187,7 +170,9 @@ class Entries:
         if isinstance(entry, float):
             decimal = Fraction(Decimal(repr(entry)))
             return decimal if decimal == entry else self._inexact(decimal, DOUBLE_DIGITS)
-        counts = [_significant(literal) for literal in LITERAL.findall(values)] if isinstance(values, str) else []
+        # Significant digits of decimals; integers have none.
+        decimals = [x for x in LITERAL.findall(values) if "." in x] if isinstance(values, str) else []
+        counts = [len(re.sub("[eE].*", "", x).replace(".", "").strip("0")) for x in decimals]
         if isinstance(entry, Fraction) and max(counts, default=0) >= DOUBLE_DIGITS:
             return self._inexact(entry, max(counts))
         return entry
@@ -200,12 +185,6 @@ class Entries:
         # The last of 17 digits is that of a double and not of the number.
         self.known.append(digits if digits > DOUBLE_DIGITS + 1 else DOUBLE_DIGITS)
         return value
-
-
-def _significant(literal: str) -> int:
-    """The number of significant digits of a decimal; 0 for an integer."""
-    mantissa = literal.lower().partition("e")[0]
-    return len(mantissa.replace(".", "").strip("0")) if "." in mantissa else 0
 
 
 SYMPY = Numbers("{}", "Rational({}, {})")
@@ -233,16 +212,15 @@ def _rows(numbers: Numbers, rows: Iterable[Sequence[Any]], digits: int | None, i
 
 
 def _write_nodepy(method: RungeKutta) -> str:
-    require_row_sums(method, "nodepy")
+    require(method, "nodepy", holds=not method.issues, what=ROW_SUMS)
     is_long = method.stages > MOST_ROOT_STAGES
     shown = rounded(method) if is_long else method
     digits = shown.digits
     pair = method.is_explicit and bool(method.embedded)
     kind = "ExplicitRungeKuttaPair" if pair else f"{'Explicit' * method.is_explicit}RungeKuttaMethod"
     rest = "Embedded weights of implicit methods have no place in it." if method.embedded else ""
-    notes = one_row(method) if pair else rest, rounding(method) if is_long else ""
     lines = [
-        f"# {header(method, 'nodepy', *notes)}",
+        f"# {header(method, 'nodepy', None if pair else rest, rounds=is_long)}",
         "import numpy as np",
         f"from nodepy.runge_kutta_method import {kind}",
         "from sympy import Rational, cos, pi, sin, sqrt, tan  # noqa: F401",
@@ -259,17 +237,17 @@ def _write_nodepy(method: RungeKutta) -> str:
 def _write_diffrax(method: RungeKutta) -> str:
     fits = method.stages > 1 and (method.is_explicit or method.is_diagonally_implicit)
     require(method, "diffrax", holds=fits, what="explicit or diagonally implicit, with two stages or more,")
-    require_row_sums(method, "diffrax")
+    require(method, "diffrax", holds=not method.issues, what=ROW_SUMS)
     shown = rounded(method)
 
     def array(values: Iterable[Any]) -> str:
         return f"np.array([{PYTHON_DOUBLES.row(values, shown.digits)}])"
 
     error = combined(shown.b, shown.embedded[0], -1) if shown.embedded else [shown.b[0] * 0] * shown.stages
-    none = "" if shown.embedded else "Without embedded weights, the error is estimated as zero."
+    none = None if shown.embedded else "Without embedded weights, the error is estimated as zero."
     lower = [f"        {array(row[:i])},\n" for i, row in enumerate(shown.A) if i]
     lines = [
-        f"# {header(method, 'diffrax, which computes in doubles', one_row(method), none, rounding(method))}",
+        f"# {header(method, 'diffrax, which computes in doubles', none)}",
         "import numpy as np",
         "from diffrax import ButcherTableau",
         "",
@@ -307,13 +285,12 @@ def _write_scipy(method: RungeKutta) -> str:
     require(method, "SciPy", holds=fits, what="explicit, with embedded weights,")
     shown = rounded(method)
     digits, (order, embedded_order) = shown.digits, orders(method)
-    notes = one_row(method), rounding(method), at_least(order)
     A, b, c, E = shown.A, shown.b, shown.c, combined(shown.embedded[0], shown.b, -1)
     if A[-1] == b and E[-1] != 0:  # the last stage is the derivative at the end of the step
         A, b, c = [row[:-1] for row in A[:-1]], b[:-1], c[:-1]
     else:
         E = [*E, E[0] * 0]
-    return f"""# {header(method, "SciPy, which computes in doubles", *notes)}
+    return f"""# {header(method, "SciPy, which computes in doubles", order=order)}
 import numpy as np
 from scipy.integrate import RK45
 
@@ -353,20 +330,16 @@ def _matrix(rows: Sequence[Sequence[Any]], digits: int | None) -> str:
     return "[\n" + "".join(f"    {JULIA_NUMBERS.row(row, digits, ' ')}\n" for row in rows) + "]"
 
 
-def _vector(values: Iterable[Any], digits: int | None) -> str:
-    return f"[{JULIA_NUMBERS.row(values, digits)}]"
-
-
 def _write_rungekutta_jl(method: RungeKutta) -> str:
     shown, order = rounded(method), orders(method)[0]
     left_out = "Embedded weights have no place in it." if method.embedded else ""
     name = quoted(method.name).replace("$", "\\$")
-    return f"""# {header(method, "RungeKutta.jl", left_out, rounding(method), at_least(order))}
+    return f"""# {header(method, "RungeKutta.jl", left_out, order=order)}
 using RungeKutta
 
 a = {_matrix(shown.A, shown.digits)}
-b = {_vector(shown.b, shown.digits)}
-c = {_vector(shown.c, shown.digits)}
+b = [{JULIA_NUMBERS.row(shown.b, shown.digits)}]
+c = [{JULIA_NUMBERS.row(shown.c, shown.digits)}]
 tableau = Tableau{{Float64}}(Symbol({name}), {order}, a, b, c)
 """
 
@@ -388,21 +361,16 @@ def _write_sciml(method: RungeKutta) -> str:
     options = [f"adaptiveorder={embedded_order}", "αEEst=αEEst"] if shown.embedded else []
     if method.is_explicit and method.A[-1] == method.b:
         options.append("fsal=true")
-    embedded = f"αEEst = Float64{_vector(shown.embedded[0], digits)}\n" if shown.embedded else ""
+    embedded = f"αEEst = Float64[{JULIA_NUMBERS.row(shown.embedded[0], digits)}]\n" if shown.embedded else ""
     kind = "ExplicitRKTableau" if method.is_explicit else "ImplicitRKTableau"
-    return f"""# {header(method, "SciML", one_row(method), rounding(method), at_least(order))}
+    return f"""# {header(method, "SciML", order=order)}
 import DiffEqBase
 
 A = Float64{_matrix(shown.A, digits)}
-c = Float64{_vector(shown.c, digits)}
-α = Float64{_vector(shown.b, digits)}
+c = Float64[{JULIA_NUMBERS.row(shown.c, digits)}]
+α = Float64[{JULIA_NUMBERS.row(shown.b, digits)}]
 {embedded}{identifier(method.name)}_tableau = DiffEqBase.{kind}({", ".join(["A", "c", "α", str(order), *options])})
 """
-
-
-def _require_stages_in_turn(method: RungeKutta, package: str) -> None:
-    fits = method.is_explicit or method.is_diagonally_implicit
-    require(method, package, holds=fits, what="explicit or diagonally implicit")
 
 
 def _braces(values: Iterable[Any], digits: int | None) -> str:
@@ -410,12 +378,13 @@ def _braces(values: Iterable[Any], digits: int | None) -> str:
 
 
 def _write_sundials(method: RungeKutta) -> str:
-    _require_stages_in_turn(method, "SUNDIALS")
+    fits = method.is_explicit or method.is_diagonally_implicit
+    require(method, "SUNDIALS", holds=fits, what="explicit or diagonally implicit")
     shown = rounded(method)
     order, embedded_order = orders(method)
     matrix = "".join(f"    {C_DOUBLES.row(row, shown.digits)},\n" for row in shown.A)
     lines = [
-        f"// {header(method, 'SUNDIALS', one_row(method), rounding(method), at_least(order))}",
+        f"// {header(method, 'SUNDIALS', order=order)}",
         "#include <arkode/arkode_butcher.h>",
         "",
         f"static ARKodeButcherTable {identifier(method.name)}_table(void)",
@@ -438,13 +407,14 @@ def _printed_table(text: str) -> str:
 
 
 def _write_petsc(method: RungeKutta) -> str:
-    _require_stages_in_turn(method, "PETSc")
+    fits = method.is_explicit or method.is_diagonally_implicit
+    require(method, "PETSc", holds=fits, what="explicit or diagonally implicit")
     shown = rounded(method)
     order, stages = orders(method)[0], method.stages
     register = "TSRKRegister" if method.is_explicit else "TSDIRKRegister"
     matrix = "".join(f"  {_braces(row, shown.digits)},\n" for row in shown.A)
     lines = [
-        f"// {header(method, 'PETSc', one_row(method), rounding(method), at_least(order))}",
+        f"// {header(method, 'PETSc', order=order)}",
         "#include <petscts.h>",
         "",
         f"const PetscReal A[{stages}][{stages}] = {{\n{matrix}}};",

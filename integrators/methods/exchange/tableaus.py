@@ -17,7 +17,7 @@ from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
 from integrators.methods.exchange.formats import FORMATS, Entries, Format
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
-from integrators.methods.tableaux.weights import order_of_difference, order_of_weights
+from integrators.methods.tableaux.weights import order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
@@ -170,13 +170,10 @@ def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: E
     except KeyError as error:
         raise IntegratorError(f"text must assign {error.args[0]}, but did not") from None
     except TypeError:
-        shapes = ", ".join(f"{key} {_shape(values)}" for key, values in read.items())
+        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in read.items())
+        shapes = ", ".join(f"{key} {size}" for key, size in sizes)
         raise IntegratorError(f"{', '.join(read)} must be a matrix and rows of one length, but were {shapes}") from None
     return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
-
-
-def _shape(values: Any) -> str:
-    return f"of {len(values)}" if isinstance(values, list) else "a number"
 
 
 def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
@@ -188,6 +185,6 @@ def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
 
     def found_orders(method: RungeKutta, kind: Any) -> list[int]:
         A, b, *rows = (np.array(values, dtype=kind) for values in (method.A, method.b, *method.embedded))
-        return [order_of_weights(A, b), *(order_of_difference(A, row - b) for row in rows)]
+        return [order_of_weights(A, b), *(order_of_weights(A, row - b, 0) for row in rows)]
 
     return found_orders(exact, object) == found_orders(decimals.to_float(), float)

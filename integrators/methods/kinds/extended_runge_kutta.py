@@ -1,18 +1,18 @@
-"""Extensions of Runge–Kutta methods: second derivatives, continuous stages, stages for each part, Lawson methods."""
+"""Extensions of Runge–Kutta methods: second derivatives, continuous stages, own stages of parts, Lawson, Rosenbrock."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self, Unpack
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import Entry, multiply_entries, sum_entries
-from integrators.methods.programs.builder import ProgramBuilder, ProgramMethod, read_parts
+from integrators.exact.entries import Entry, EntryRow, Matrix, multiply_entries, read_entry, sum_entries
+from integrators.methods.programs import builder as read
+from integrators.methods.programs.builder import Labels, ProgramBuilder, ProgramMethod
 from integrators.methods.programs.evaluations import LinearForm, combination
 from integrators.methods.tableaux.runge_kutta import RungeKutta
-from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, in_color_order, read_matrix, read_row
 
 
 class TwoDerivativeRungeKutta(ProgramMethod):
@@ -48,25 +48,8 @@ class TwoDerivativeRungeKutta(ProgramMethod):
     b: EntryRow
     b_hat: EntryRow
 
-    def __init__(
-        self, A: Any, A_hat: Any, b: Any, b_hat: Any, *, parameters: Iterable[str] = (), name: str | None = None,
-        reference: str | None = None, digits: int | None = None,
-    ) -> None:  # fmt: skip
-        symbols = tuple(parameters)
-        weights = read_row(b, "b", symbols)
-        stages = len(weights)
-        coefficients = {
-            "A": read_matrix(A, "A", symbols, rows=stages, columns=stages),
-            "A_hat": read_matrix(A_hat, "A_hat", symbols, rows=stages, columns=stages),
-            "b": weights,
-            "b_hat": read_row(b_hat, "b_hat", symbols, count=stages),
-        }
-        self._set(coefficients, name=name, reference=reference, digits=digits)
-
-    @property
-    def stages(self) -> int:
-        """The number of stages."""
-        return len(self.b)
+    def __init__(self, A: Any, A_hat: Any, b: Any, b_hat: Any, **labels: Unpack[Labels]) -> None:
+        self._set(read.read_stages({"b": b, "b_hat": b_hat}, {"A": A, "A_hat": A_hat}, labels), **labels)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         registers = builder.unknowns(2 * self.stages)
@@ -107,16 +90,13 @@ class ContinuousStageRungeKutta(ProgramMethod):
     M: Matrix
     B: EntryRow
 
-    def __init__(
-        self, M: Any, B: Any = None, *, parameters: Iterable[str] = (), name: str | None = None,
-        reference: str | None = None, digits: int | None = None,
-    ) -> None:  # fmt: skip
-        symbols = tuple(parameters)
-        rows = items(M, "M")
+    def __init__(self, M: Any, B: Any = None, **labels: Unpack[Labels]) -> None:
+        symbols, rows = tuple(labels.get("parameters", ())), items(M, "M")
         columns = len(items(rows[0], "M[1]")) if rows else 0
-        matrix = read_matrix(rows, "M", symbols, rows=max(len(rows), 1), columns=columns)
-        weights = map(sum_entries, zip(*matrix, strict=True)) if B is None else read_row(B, "B", symbols, count=columns)
-        self._set({"M": matrix, "B": tuple(weights)}, name=name, reference=reference, digits=digits)
+        matrix = read.read_matrix(rows, "M", symbols, rows=max(len(rows), 1), columns=columns)
+        sums = map(sum_entries, zip(*matrix, strict=True))
+        weights = sums if B is None else read.read_row(B, "B", symbols, count=columns)
+        self._set({"B": tuple(weights), "M": matrix}, **labels)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         averages = builder.unknowns(len(self.B))
@@ -160,31 +140,28 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
     b: tuple[EntryRow, ...]
 
     def __init__(
-        self, A: Mapping[str, Mapping[str, Any]], b: Mapping[str, Any], *, parameters: Iterable[str] = (),
-        name: str | None = None, reference: str | None = None, digits: int | None = None,
+        self, A: Mapping[str, Mapping[str, Any]], b: Mapping[str, Any], **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
         if not isinstance(b, Mapping):
             raise IntegratorError(f"b must map names of parts to weights, but was {shown(b)}")
-        parts, symbols = in_color_order(read_parts(list(b))), tuple(parameters)
-        weights = tuple(read_row(b[part], f"b[{part}]", symbols) for part in parts)
-        sizes = dict(zip(parts, map(len, weights), strict=True))
+        parts, symbols = read.in_color_order(read.read_parts(list(b))), tuple(labels.get("parameters", ()))
+        weights = {part: read.read_row(b[part], f"b[{part}]", symbols) for part in parts}
         _check_keys(A, "A", parts)
         for part, row in A.items():
             _check_keys(row, f"A[{part}]", parts)
-        blocks = tuple(
-            tuple(
-                read_matrix(
-                    A.get(part, {}).get(other, [[0] * sizes[other]] * sizes[part]),
-                    f"A[{part}][{other}]",
-                    symbols,
-                    rows=sizes[part],
-                    columns=sizes[other],
-                )
-                for other in parts
-            )
-            for part in parts
-        )
-        self._set({"A": blocks, "b": weights}, parts=parts, name=name, reference=reference, digits=digits)
+
+        def block(part: str, other: str) -> Matrix:
+            rows, columns = len(weights[part]), len(weights[other])
+            given = A.get(part, {}).get(other, [[0] * columns] * rows)
+            return read.read_matrix(given, f"A[{part}][{other}]", symbols, rows=rows, columns=columns)
+
+        blocks = tuple(tuple(block(part, other) for other in parts) for part in parts)
+        self._set({"A": blocks, "b": tuple(weights.values())}, parts=parts, **labels)
+
+    @property
+    def stages(self) -> int:
+        """The number of stages of all parts."""
+        return sum(map(len, self.b))
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         k = [builder.unknowns(len(weights)) for weights in self.b]
@@ -245,7 +222,7 @@ class LawsonMethod(ProgramMethod):
         if not isinstance(tableau, RungeKutta) or not tableau.is_explicit:
             raise IntegratorError(f"tableau must be an explicit RungeKutta, but was {shown(tableau)}")
         labels = {"name": name, "reference": reference, "digits": tableau.digits}
-        self._set({"tableau": tableau}, parts=read_parts(parts, count=2), **labels)
+        self._set({"tableau": tableau}, parts=read.read_parts(parts, count=2), **labels)
 
     @property
     def stages(self) -> int:
@@ -255,41 +232,172 @@ class LawsonMethod(ProgramMethod):
     max_children = (1, 1, 1), (None, None, None)  # L y is linear
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
-        tableau = self.tableau
-        propagator = _Propagator(builder, self.names[0])
+        tableau, y = self.tableau, builder.y
+        known: dict[tuple[LinearForm, Entry], LinearForm] = {}
         k: list[LinearForm] = []
+
+        def flow(at: LinearForm, time: Any) -> LinearForm:
+            """exp(time·hL) at."""
+            if time == 0:
+                return at
+            if (at, time) not in known:
+                known[at, time] = builder.flow(at, self.names[0], time=time)
+            return at + known[at, time]
+
+        def point(time: Entry, weights: Sequence[Entry]) -> LinearForm:
+            """exp(time·hL) y + Σ_j weights[j] exp((time − c_j)·hL) k_j, one flow for each node."""
+            vectors: dict[Entry, LinearForm] = {}
+            for x, node, vector in zip(weights, tableau.c, k, strict=False):
+                if x != 0:
+                    vectors[node] = vectors.get(node, 0) + vector.times(x)
+            total = flow(y + vectors.pop(Fraction(0), 0 * y), time)
+            for node, vector in vectors.items():
+                elapsed = sum_entries((time, multiply_entries(node, Fraction(-1))))
+                # exp(tL) v = exp(tL) (y + v) − exp(tL) y, as L is linear
+                total = total + flow(y + vector, elapsed) - flow(y, elapsed)
+            return total
+
         for row, c in zip(tableau.A, tableau.c, strict=True):
-            k.append(builder.field(propagator.point(c, row, tableau.c, k), self.names[1]))
-        return propagator.point(Fraction(1), tableau.b, tableau.c, k)
+            k.append(builder.field(point(c, row), self.names[1]))
+        return point(Fraction(1), tableau.b)
 
 
-class _Propagator:
-    """Propagation of points and vectors by the flow of the linear part."""
+class Rosenbrock(ProgramMethod):
+    """A Rosenbrock method with the exact Jacobian J = f'(y0).
 
-    def __init__(self, builder: ProgramBuilder, part: str) -> None:
-        self._builder, self._part = builder, part
-        self._known: dict[tuple[LinearForm, Entry], LinearForm] = {}
+    The stages are k_i = h f(y0 + Σ_{j<i} α_ij k_j) + h J Σ_{j≤i} γ_ij k_j, and y1 = y0 + Σ_i b_i k_i.
 
-    def point(
-        self, time: Entry, weights: Sequence[Entry], nodes: Sequence[Entry], k: Sequence[LinearForm]
-    ) -> LinearForm:
-        """exp(time·hL) y + Σ_j weights[j] exp((time − nodes[j])·hL) k_j, one flow for each node."""
-        vectors: dict[Entry, LinearForm] = {}
-        for x, node, vector in zip(weights, nodes, k, strict=False):
-            if x != 0:
-                vectors[node] = vectors.get(node, 0) + vector.times(x)
-        y = self._builder.y
-        total = self._flow(y + vectors.pop(Fraction(0), 0 * y), time)
-        for node, vector in vectors.items():
-            elapsed = sum_entries((time, multiply_entries(node, Fraction(-1))))
-            # exp(tL) v = exp(tL) (y + v) − exp(tL) y, as L is linear
-            total = total + self._flow(y + vector, elapsed) - self._flow(y, elapsed)
-        return total
+    Args:
+        alpha: the strictly lower triangular matrix α_ij, by rows.
+        gamma: the lower triangular matrix γ_ij, by rows.
+        b: the weights b_i.
+        parameters, name, reference, digits: as for `Splitting`.
 
-    def _flow(self, at: LinearForm, time: Any) -> LinearForm:
-        """exp(time·hL) at."""
-        if time == 0:
-            return at
-        if (at, time) not in self._known:
-            self._known[at, time] = self._builder.flow(at, self._part, time=time)
-        return at + self._known[at, time]
+    Raises:
+        IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
+
+    Example:
+        The linearly implicit Euler method:
+
+        >>> print(Rosenbrock([[0]], [[1]], [1]))
+        k1 = h f(y)
+        k2 = h f'(y) (k1 + k2)
+        y1 = y + k1 + k2
+
+    References:
+        E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, IV.7, formula (7.4).
+    """
+
+    alpha: Matrix
+    gamma: Matrix
+    b: EntryRow
+
+    _parts: tuple[str | None, str | None] = (None, None)
+    """The part of the field and the part of the Jacobian."""
+
+    def __init__(self, alpha: Any, gamma: Any, b: Any, **labels: Unpack[Labels]) -> None:
+        self._set(_read_coefficients(alpha, gamma, b, labels), **labels)
+
+    @classmethod
+    def from_transformed(cls, a: Any, c: Any, m: Any, gamma: Any, **labels: Any) -> Self:
+        """The method from the transformed coefficients of implementations that avoid products with the Jacobian.
+
+        With u_i = Σ_j γ_ij k_j, and γ_ii = γ, the stages are
+        (1/(hγ) I − J) u_i = f(y0 + Σ_{j<i} a_ij u_j) + Σ_{j<i} (c_ij/h) u_j, and y1 = y0 + Σ_i m_i u_i.
+
+        Args:
+            a: the strictly lower triangular matrix a_ij = (α Γ⁻¹)_ij, by rows.
+            c: the matrix c_ij below the diagonal: Γ⁻¹ = I/γ − (c_ij).
+            m: the weights m = b Γ⁻¹.
+            gamma: the number γ.
+            labels: further arguments of the class, by name.
+
+        Example:
+            >>> rodas3 = Rosenbrock.from_transformed(
+            ...     [[0, 0, 0, 0], [0, 0, 0, 0], [2, 0, 0, 0], [2, 0, 1, 0]],
+            ...     [[0, 0, 0, 0], [4, 0, 0, 0], [1, -1, 0, 0], [1, -1, "-8/3", 0]], [2, 0, 1, 1], "1/2")
+            >>> [str(b) for b in rodas3.b]
+            ['5/6', '-1/6', '-1/6', '1/2']
+
+        References:
+            E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, IV.7, formula (7.25).
+        """
+        labels["parameters"] = tuple(labels.get("parameters", ()))
+        given = read.read_stages({"m": m}, {"a": a, "c": c}, labels)  # type: ignore[arg-type]
+        _check_triangular(given, "a", strictly=True)
+        _check_triangular(given, "c", strictly=True)
+        number = read_entry(gamma, "gamma", labels["parameters"])
+        inverse: list[list[Entry]] = []  # Γ, row by row, from (I/γ − C) Γ = I
+        for i, row in enumerate(given["c"]):
+            unit = [Fraction(int(i == j)) for j in range(len(given["m"]))]
+            inverse.append([multiply_entries(number, x) for x in _row_times((1, *row), (unit, *inverse))])
+        alpha = [_row_times(row, inverse) for row in given["a"]]
+        return cls(alpha, inverse, _row_times(given["m"], inverse), **labels)
+
+    def _lower(self, builder: ProgramBuilder) -> LinearForm:
+        part, jacobian = self._parts
+        registers = builder.unknowns(2 * self.stages)
+        k = [field + product for field, product in zip(registers[::2], registers[1::2], strict=True)]
+        for i in range(self.stages):
+            builder.field(builder.y + combination(self.alpha[i], k), part, into=registers[2 * i])
+            builder.derivative(builder.y, combination(self.gamma[i], k), jacobian, into=registers[2 * i + 1])
+        return builder.y + combination(self.b, k)
+
+
+class WMethod(Rosenbrock):
+    """A W-method: a Rosenbrock method with an arbitrary matrix W in place of the Jacobian.
+
+    The stages are k_i = h f(y0 + Σ_{j<i} α_ij k_j) + h W Σ_{j≤i} γ_ij k_j, and y1 = y0 + Σ_i b_i k_i. W is the
+    Jacobian of an auxiliary linear part W y, whose nodes in trees have one child each. The method has order p for every
+    W if, up to order p, the coefficients of trees without such nodes are those of the exact flow, and those of all
+    other trees vanish.
+
+    Args:
+        alpha, gamma, b: as for `Rosenbrock`.
+        parts: the names of the field and of the auxiliary part.
+        parameters, name, reference, digits: as for `Splitting`.
+
+    Raises:
+        IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
+
+    Example:
+        >>> print(WMethod([[0]], [[1]], [1]))
+        k1 = h f_f(y)
+        k2 = h f_W'(y) (k1 + k2)
+        y1 = y + k1 + k2
+
+    References:
+        T. Steihaug, A. Wolfbrandt, Math. Comp. 33 (1979) 521–534, doi:10.1090/S0025-5718-1979-0521273-8;
+        E. Hairer, G. Wanner, *Solving Ordinary Differential Equations II*, IV.7.
+    """
+
+    def __init__(
+        self, alpha: Any, gamma: Any, b: Any, *, parts: Sequence[str] = ("f", "W"), **labels: Unpack[Labels]
+    ) -> None:  # fmt: skip
+        names = read.read_parts(parts, count=2)
+        self._set(_read_coefficients(alpha, gamma, b, labels), parts=names, **labels)
+        self.__dict__.update(_parts=names, _auxiliary=names[1:])
+
+    max_children = (None, None, None), (1, 1, 1)  # W y is linear
+
+
+def _read_coefficients(alpha: Any, gamma: Any, b: Any, labels: Labels) -> dict[str, Any]:
+    coefficients = read.read_stages({"b": b}, {"alpha": alpha, "gamma": gamma}, labels)
+    _check_triangular(coefficients, "alpha", strictly=True)
+    _check_triangular(coefficients, "gamma", strictly=False)
+    return coefficients
+
+
+def _check_triangular(coefficients: Mapping[str, Any], key: str, *, strictly: bool) -> None:
+    """Refuse nonzero entries above the diagonal, or on and above it if `strictly`."""
+    for i, row in enumerate(coefficients[key]):
+        for j in range(i + (not strictly), len(row)):
+            if row[j] != 0:
+                shape = f"{'strictly ' * strictly}lower triangular"
+                raise IntegratorError(f"{key} must be {shape}, but {key}[{i + 1}][{j + 1}] was {row[j]!s:.60}")
+
+
+def _row_times(row: Sequence[Any], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
+    """A row vector times a matrix; entries beyond the last row of the matrix are ignored."""
+    columns = zip(*matrix, strict=True)
+    return [sum_entries(multiply_entries(x, y) for x, y in zip(row, column, strict=False)) for column in columns]

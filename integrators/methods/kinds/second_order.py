@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import Entry, read_entry
-from integrators.methods.programs.builder import SECOND_ORDER, ProgramBuilder, ProgramMethod, read_parts
+from integrators.exact.entries import Entry, EntryRow, Matrix, read_entry
+from integrators.methods.programs import builder as read
+from integrators.methods.programs.builder import SECOND_ORDER, Labels, ProgramBuilder, ProgramMethod
 from integrators.methods.programs.evaluations import LinearForm, combination
-from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, read_matrix, read_row
 
 
 class RungeKuttaNystrom(ProgramMethod):
@@ -59,26 +59,11 @@ class RungeKuttaNystrom(ProgramMethod):
 
     def __init__(
         self, A_bar: Any, b_bar: Any, b: Any, c: Any, *, A: Any = None, parts: Sequence[str] = ("p", "q"),
-        parameters: Iterable[str] = (), name: str | None = None, reference: str | None = None,
-        digits: int | None = None,
+        **labels: Unpack[Labels],
     ) -> None:  # fmt: skip
-        symbols = tuple(parameters)
-        weights = read_row(b, "b", symbols)
-        stages = len(weights)
-        coefficients = {
-            "A_bar": read_matrix(A_bar, "A_bar", symbols, rows=stages, columns=stages),
-            "b_bar": read_row(b_bar, "b_bar", symbols, count=stages),
-            "b": weights,
-            "c": read_row(c, "c", symbols, count=stages),
-            "A": None if A is None else read_matrix(A, "A", symbols, rows=stages, columns=stages),
-        }
-        self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference, digits=digits)
+        coefficients = read.read_stages({"b": b, "b_bar": b_bar, "c": c}, {"A_bar": A_bar, "A": A}, labels)
+        self._set(coefficients, parts=read.read_parts(parts, count=2), **labels)
         self.__dict__["max_children"] = SECOND_ORDER if A is None else ((None, None), (1, 0))
-
-    @property
-    def stages(self) -> int:
-        """The number of stages."""
-        return len(self.b)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         momentum, position = self.names
@@ -112,7 +97,7 @@ class ForceGradient(ProgramMethod):
         kicks: the s numbers b_i.
         gradients: the s numbers c_i.
         parts: the names of the parts for momenta and positions.
-        parameters, name, reference: as for `Splitting`.
+        parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
         IntegratorError: the numbers of coefficients do not match, or a coefficient is invalid.
@@ -135,22 +120,13 @@ class ForceGradient(ProgramMethod):
     gradients: EntryRow
 
     def __init__(
-        self, drifts: Any, kicks: Any, gradients: Any, *, parts: Sequence[str] = ("p", "q"),
-        parameters: Iterable[str] = (), name: str | None = None, reference: str | None = None,
+        self, drifts: Any, kicks: Any, gradients: Any, *, parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
-        symbols = tuple(parameters)
-        strengths = read_row(kicks, "kicks", symbols)
-        coefficients = {
-            "drifts": read_row(drifts, "drifts", symbols, count=len(strengths) + 1),
-            "kicks": strengths,
-            "gradients": read_row(gradients, "gradients", symbols, count=len(strengths)),
-        }
-        self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference)
-
-    @property
-    def stages(self) -> int:
-        """The number of kicks."""
-        return len(self.kicks)
+        labels["parameters"] = tuple(labels.get("parameters", ()))
+        coefficients = read.read_stages({"kicks": kicks, "gradients": gradients}, {}, labels)
+        most = len(coefficients["kicks"]) + 1
+        coefficients["drifts"] = read.read_row(drifts, "drifts", labels["parameters"], count=most)
+        self._set(coefficients, parts=read.read_parts(parts, count=2), **labels)
 
     max_children = SECOND_ORDER
 
@@ -218,7 +194,7 @@ class TakahashiImada(ProgramMethod):
         if not isinstance(simplified, bool):
             raise IntegratorError(f"simplified must be True or False, but was {shown(simplified)}")
         coefficients = {"alpha": read_entry(alpha, "alpha", tuple(parameters)), "simplified": simplified}
-        self._set(coefficients, parts=read_parts(parts, count=2), name=name, reference=reference)
+        self._set(coefficients, parts=read.read_parts(parts, count=2), name=name, reference=reference)
 
     @property
     def symplectic_form(self) -> TakahashiImada:

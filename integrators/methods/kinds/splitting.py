@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
+from typing import Any, Unpack
 
 from foundation.numbers import number_text
 from foundation.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, read_entry, sum_entries
-from integrators.methods.programs.builder import SECOND_ORDER, ProgramBuilder, ProgramMethod, read_parts
+from integrators.methods.programs.builder import (
+    SECOND_ORDER,
+    Labels,
+    ProgramBuilder,
+    ProgramMethod,
+    in_color_order,
+    read_parts,
+)
 from integrators.methods.programs.evaluations import LinearForm
-from integrators.methods.tableaux.tableau_input import in_color_order
 
 
 class Splitting(ProgramMethod):
@@ -66,11 +72,6 @@ class Splitting(ProgramMethod):
         merged = [(part, sum_entries(x for _, x in group)) for part, group in groupby(pairs, key=itemgetter(0))]
         self._set({"flows": tuple(merged)}, parts=names, name=name, reference=reference, digits=digits)
 
-    @property
-    def stages(self) -> int:
-        """The number of flows."""
-        return len(self.flows)
-
     def to_table(self) -> Table:
         """The flows: their parts and coefficients."""
         rows = [(n, part, number_text(x, self.digits)) for n, (part, x) in enumerate(self.flows, 1)]
@@ -120,23 +121,15 @@ class NystromSplitting(Splitting):
     """
 
     def __init__(
-        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] = ("p", "q"), parameters: Iterable[str] = (),
-        name: str | None = None, reference: str | None = None, digits: int | None = None,
+        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
-        names = read_parts(parts, count=2)
-        super().__init__(flows, parts=names, parameters=parameters, name=name, reference=reference, digits=digits)
+        super().__init__(flows, parts=read_parts(parts, count=2), **labels)
 
     max_children = SECOND_ORDER
 
 
 def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:
-    """The Lie–Trotter splitting: one step of each part, in the order of `parts`.
-
-    Args:
-        parts: the names of the parts.
-
-    Returns:
-        The method, of order 1.
+    """The Lie–Trotter splitting of order 1: one step of each part, in the order of their names `parts`.
 
     Example:
         >>> lie_trotter(["a", "b", "c"]).flows
@@ -149,13 +142,7 @@ def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:
 
 
 def strang(parts: Sequence[str] = ("a", "b")) -> Splitting:
-    """The Strang splitting: half steps of the parts in order, then in reverse order.
-
-    Args:
-        parts: the names of the parts.
-
-    Returns:
-        The method, symmetric and of order 2.
+    """The symmetric Strang splitting of order 2: half steps of the parts in the order of their names, then in reverse.
 
     Example:
         >>> print([(part, str(x)) for part, x in strang(["a", "b", "c"]).flows])

@@ -1,16 +1,16 @@
-"""Builder of programs, and the base class of the kinds of methods that are read through it."""
+"""Builder of programs, and the base class of the kinds of methods with the readers of their coefficients."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict
 
-from integrators.core.arguments import check_digits, check_partition_names, read_labels, read_whole
+from integrators.core.arguments import check_digits, check_partition_names, items, read_labels, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact import entries
+from integrators.exact.entries import EntryRow, Matrix, read_entry
 from integrators.methods.programs.evaluations import (
     Average,
     Derivative,
@@ -95,8 +95,8 @@ class ProgramBuilder:
     ) -> LinearForm:  # fmt: skip
         """The increment of the exact flow over time · h, with a polynomial forcing in θ (see `Flow`)."""
         forms = tuple(self._form(form, "forcing", start=0) for form in forcing)
-        duration = entries.read_entry(time, "time")
-        return self._record(Flow(self._part(part), self._form(at, "at", start=1), duration, forms), into)
+        points = self._form(at, "at", start=1), read_entry(time, "time"), forms
+        return self._record(Flow(self._part(part), *points), into)
 
     def average(
         self, path: Sequence[LinearForm], part: str | None = None, *, power: int = 0, into: LinearForm | None = None
@@ -124,9 +124,6 @@ class ProgramBuilder:
                 respect to each part and optionally, as a last entry, in all; None means unbounded. The series of the
                 method then contains no other trees.
 
-        Returns:
-            The program.
-
         Raises:
             IntegratorError: an evaluation is not defined, `result` is not a point, or another argument is invalid.
 
@@ -143,15 +140,9 @@ class ProgramBuilder:
                 raise IntegratorError(f"evaluations must all be defined, but k{e} is not")
         evaluations: Any = tuple(self._evaluations)
         return Program(
-            evaluations,
-            self._form(result, "result", start=1),
-            parts=self._parts,
-            auxiliary=self._auxiliary,
-            name=name,
-            reference=reference,
-            digits=digits,
-            max_children=max_children,
-        )
+            evaluations, self._form(result, "result", start=1), parts=self._parts, auxiliary=self._auxiliary,
+            name=name, reference=reference, digits=digits, max_children=max_children,
+        )  # fmt: skip
 
     def _part(self, name: str | None) -> int | None:
         if name is None:
@@ -179,25 +170,29 @@ SECOND_ORDER: ChildBounds = (0, None), (1, 0)
 """The degree of each part in p and in q for q'' = g(q): g depends on q, and q' = M⁻¹ p is linear in p."""
 
 
+class Labels(TypedDict, total=False):
+    """What every kind of method takes by name."""
+
+    parameters: Iterable[str]
+    name: str | None
+    reference: str | None
+    digits: int | None
+
+
 class ProgramMethod(Method):
-    """A method given by the coefficients of its kind.
+    """A method given by the coefficients of its kind, of which the first has one entry for each stage.
 
     A kind sets its coefficients by `_set` and records the evaluations of a step in `_lower`.
     """
 
     def _set(
-        self, coefficients: dict[str, Any], *, parts: Sequence[str] = (), name: str | None, reference: str | None,
-        digits: int | None = None,
+        self, coefficients: dict[str, Any], *, parts: Sequence[str] = (), parameters: Iterable[str] = (),
+        name: str | None = None, reference: str | None = None, digits: int | None = None,
     ) -> None:  # fmt: skip
         labels = read_labels(name, reference)
         check_digits(digits)
-        self.__dict__.update(
-            coefficients,
-            names=tuple(parts) or ("",),
-            digits=digits,
-            **labels,
-            _coefficients=tuple(coefficients.values()),
-        )
+        data = tuple(coefficients.values())
+        self.__dict__.update(coefficients, names=tuple(parts) or ("",), digits=digits, **labels, _coefficients=data)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
         """Record the evaluations of a step and return its end."""
@@ -208,10 +203,11 @@ class ProgramMethod(Method):
         return self.names, self.digits, *self.__dict__["_coefficients"]
 
     @property
-    def _auxiliary(self) -> tuple[str, ...]:
-        """The parts that do not belong to the field."""
-        return ()
+    def stages(self) -> int:
+        """The number of stages."""
+        return len(self.__dict__["_coefficients"][0])
 
+    _auxiliary: tuple[str, ...] = ()
     max_children: ChildBounds | None = None  # type: ignore[assignment]  # not from the program, which reads it here
 
     @cached_property
@@ -235,5 +231,46 @@ def read_parts(parts: Any, *, count: int | None = None) -> tuple[str, ...]:
         raise IntegratorError(f"parts must be a sequence of names, but was {shown(parts)}")
     if len(parts) != count if count is not None else len(parts) < 2:
         raise IntegratorError(f"parts must be {count or 'two or more'} names, but were {len(parts)}")
-    ProgramBuilder(parts)  # checks the names
+    check_partition_names(parts)
     return tuple(parts)
+
+
+def in_color_order(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of parts in the order of their colours: p before q, other names in the given order."""
+    given = tuple(names)
+    return ("p", "q") if set(given) == {"p", "q"} else given
+
+
+def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: int | None = None) -> EntryRow:
+    """A row of entries in the symbols `names`: `count` entries, or one or more if None."""
+    row = items(values, argument)
+    if count is not None and len(row) != count:
+        raise IntegratorError(f"{argument} must have {entry_count(count)}, but has {len(row)}")
+    if not 1 <= len(row) <= MAX_STAGES:
+        raise IntegratorError(f"{argument} must have from 1 to {MAX_STAGES} entries, but has {len(row)}")
+    return tuple(read_entry(value, f"{argument}[{j}]", names) for j, value in enumerate(row, 1))
+
+
+def read_matrix(values: Any, argument: str, names: Iterable[str] = (), *, rows: int, columns: int) -> Matrix:
+    """A matrix of entries, by rows, each read by `read_row`."""
+    found = items(values, argument)
+    if len(found) != rows:
+        raise IntegratorError(f"{argument} must have {rows} row{'s' * (rows > 1)}, but has {len(found)}")
+    return tuple(read_row(row, f"{argument}[{i}]", names, count=columns) for i, row in enumerate(found, 1))
+
+
+def read_stages(rows: Mapping[str, Any], matrices: Mapping[str, Any], labels: Labels) -> dict[str, Any]:
+    """Rows of one length and square matrices of this size, in the symbols among the labels; a matrix may be None."""
+    symbols, stages = tuple(labels.get("parameters", ())), None
+    read: dict[str, Any] = {}
+    for key, row in rows.items():
+        read[key] = read_row(row, key, symbols, count=stages)
+        stages = len(read[key])
+    for key, A in matrices.items():
+        read[key] = None if A is None else read_matrix(A, key, symbols, rows=stages or 0, columns=stages or 0)
+    return read
+
+
+def entry_count(count: int) -> str:
+    """A number of entries, for messages."""
+    return f"{count} {'entry' if count == 1 else 'entries'}"

@@ -51,14 +51,11 @@ Evaluation = Field | Derivative | Flow | Average
 
 def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
     """The linear forms in an evaluation."""
-    if isinstance(evaluation, Average):
-        yield from evaluation.path
-        return
-    yield evaluation.at
-    if isinstance(evaluation, Derivative):
-        yield evaluation.along
-    if isinstance(evaluation, Flow):
-        yield from evaluation.forcing
+    for value in evaluation:
+        if isinstance(value, LinearForm):
+            yield value
+        elif isinstance(value, tuple):
+            yield from value
 
 
 class LinearForm(ImmutableValue):

@@ -13,8 +13,9 @@ from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from itertools import zip_longest
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+from foundation.plotting import drawing, fit_picture, in_centimetres
 from foundation.table import Column, Table, as_html
 from integrators.core.arguments import as_lists, check_digits, is_listed, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -32,10 +33,14 @@ from integrators.methods.programs.evaluations import (
     check_form,
     operands,
 )
-from integrators.methods.programs.pictures import method_picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MAX_STAGES = 1000
 """The largest number of stages of a tableau, and of unknowns in one call."""
+CHARACTERS = 100
+"""The width of the text of a method in a picture: longer lines do not fit a page."""
 
 
 class Method(ImmutableValue):
@@ -74,7 +79,30 @@ class Method(ImmutableValue):
         """The method as plain data."""
         return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
 
-    _repr_html_, plot = as_html, method_picture
+    _repr_html_ = as_html
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The table of the method as a picture: the flows of a splitting, or the evaluations of a program.
+
+        Example:
+            >>> from integrators import method
+            >>> print(method("lie-trotter").plot().texts[0].get_text())
+            lie-trotter
+            <BLANKLINE>
+            step  flow of  coefficient of h
+            ────  ───────  ────────────────
+               1  a        1
+               2  b        1
+        """
+        text = self.to_table()._replace(notes=()).to_text(CHARACTERS)
+        lines = text.splitlines()
+        # Font size, gaps, and width of a letter and distance of lines relative to the font size, in points.
+        font, gap, aspect, leading = 9.0, 7.0, 0.602, 1.35
+        size = font * aspect * max(map(len, lines)) + 2 * gap, font * leading * len(lines) + 2 * gap
+        with drawing(ax, IntegratorError, in_centimetres(size), frame=False) as axes:
+            style: Any = {"family": "monospace", "linespacing": leading / 1.2, "parse_math": False}
+            axes.text(gap, gap, text, va="top", fontsize=font * fit_picture(axes, size), **style)
+        return axes
 
     @property
     def remarks(self) -> list[str]:
@@ -148,13 +176,8 @@ class Method(ImmutableValue):
     def rational_program(self, decimals: int) -> Program:
         """The program, with rational approximations of coefficients whose exact form is slow to compute.
 
-        Only tableaux on roots of polynomials (see `StageAlgebra`) have such coefficients.
-
-        Args:
-            decimals: the approximations are within 10^-decimals.
-
-        Returns:
-            The program.
+        Only tableaux on roots of polynomials (see `StageAlgebra`) have such coefficients; the approximations are within
+        10^-decimals.
 
         Example:
             >>> from integrators import method
@@ -237,16 +260,7 @@ class Program(Method):
         return self
 
     def restricted(self, max_children: Any) -> Program:
-        """The same method for fields whose elementary differentials vanish for trees beyond bounds.
-
-        Args:
-            max_children: bounds on the children of nodes, as for `ProgramBuilder.program`.
-
-        Returns:
-            The program with these bounds in place of its own.
-
-        Raises:
-            IntegratorError: `max_children` is not such a bound.
+        """The same method with other bounds, as for `ProgramBuilder.program`, on the children of nodes of trees.
 
         Example:
             Two steps of the Störmer–Verlet method for p' = g(q), q' = p:
@@ -259,15 +273,8 @@ class Program(Method):
 
     def changed(self, **changes: Any) -> Program:
         """The program with some arguments of its constructor changed."""
-        arguments = {
-            "evaluations": self.evaluations,
-            "result": self.result,
-            "parts": self.names,
-            "auxiliary": self.auxiliary,
-            **self.labels,
-            "max_children": self.max_children,
-        }
-        return Program(**arguments | changes)
+        own = {key: getattr(self, key) for key in ("evaluations", "result", "auxiliary", "max_children")}
+        return Program(**own | {"parts": self.names, **self.labels} | changes)
 
     @property
     def stages(self) -> int:
@@ -350,14 +357,10 @@ class RepeatedProgram(Program):
     """Several equal steps as one program, whose evaluations are made when they are read.
 
     The series of n steps is the n-th power of that of one step, which needs no evaluations.
-
-    Attributes:
-        step: One step.
-        count: The number of steps.
     """
 
     step: Program
-    count: int
+    count: int  # the number of steps
 
     def __init__(self, step: Program, count: int, name: str) -> None:
         self.__dict__.update(
@@ -457,7 +460,8 @@ def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -
     """
     given = as_lists(bounds)
     rows = list(map(as_lists, given)) if is_listed(given) else [[None] * parts + [given]] * parts
-    if len(rows) != parts or not all(_is_row(row, parts) for row in rows):
+    sizes = parts, parts + 1
+    if len(rows) != parts or not all(is_listed(row) and len(row) in sizes and all(map(_is_bound, row)) for row in rows):
         raise IntegratorError(
             f"{argument} must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each a "
             f"whole number, 0 or more, or None, but was {shown(bounds)}"
@@ -473,10 +477,6 @@ def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> Chil
         return first or second
     rows = (zip_longest(a, b) for a, b in zip(first, second, strict=True))
     return tuple(tuple(min((x for x in pair if x is not None), default=None) for pair in row) for row in rows)
-
-
-def _is_row(row: Any, parts: int) -> bool:
-    return is_listed(row) and len(row) in (parts, parts + 1) and all(map(_is_bound, row))
 
 
 def _is_bound(bound: Any) -> bool:
@@ -496,25 +496,25 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
     def change(form: LinearForm) -> LinearForm:
         return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
 
-    def lengthen(evaluation: Evaluation) -> Evaluation:
-        if isinstance(evaluation, Flow):
-            return evaluation._replace(time=multiply_entries(evaluation.time, factor))
-        return evaluation
-
-    return tuple(lengthen(mapped(evaluation, change)) for evaluation in program.evaluations), change(program.result)
+    return _mapped(program, change, lambda time: multiply_entries(time, factor))
 
 
-def mapped(evaluation: Evaluation, function: Callable[[LinearForm], LinearForm]) -> Evaluation:
-    """The evaluation with a function applied to every linear form."""
-    match evaluation:
-        case Field(part, at):
-            return Field(part, function(at))
-        case Derivative(part, at, along):
-            return Derivative(part, function(at), function(along))
-        case Flow(part, at, time, forcing):
-            return Flow(part, function(at), time, tuple(map(function, forcing)))
-        case Average(part, path, power):
-            return Average(part, tuple(map(function, path)), power)
+def _mapped(
+    program: Program, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
+) -> tuple[tuple[Evaluation, ...], LinearForm]:  # fmt: skip
+    """The evaluations and the end of a program with functions applied to linear forms and times of flows."""
+    return tuple(mapped(e, function, lengthen) for e in program.evaluations), function(program.result)
+
+
+def mapped(
+    evaluation: Evaluation, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
+) -> Evaluation:  # fmt: skip
+    """The evaluation with functions applied to every linear form, and to the time of a flow."""
+    made = evaluation._make(
+        function(x) if isinstance(x, LinearForm) else tuple(map(function, x)) if isinstance(x, tuple) else x
+        for x in evaluation
+    )
+    return made._replace(time=lengthen(made.time)) if isinstance(made, Flow) else made
 
 
 def appended(
@@ -550,11 +550,8 @@ def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]
 def as_decimals(program: Program, digits: int) -> Program:
     """The program with floats as exact numbers, of which `digits` digits are correct."""
 
-    def change(evaluation: Evaluation) -> Evaluation:
-        changed = mapped(evaluation, exact)
-        return changed._replace(time=Fraction(round_entry(changed.time))) if isinstance(changed, Flow) else changed
+    def exact(x: Entry) -> Fraction:
+        return Fraction(round_entry(x))
 
-    def exact(form: LinearForm) -> LinearForm:
-        return form.map(lambda x: Fraction(round_entry(x)))
-
-    return program.changed(evaluations=map(change, program.evaluations), result=exact(program.result), digits=digits)
+    evaluations, end = _mapped(program, lambda form: form.map(exact), exact)
+    return program.changed(evaluations=evaluations, result=end, digits=digits)

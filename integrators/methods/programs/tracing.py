@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from inspect import currentframe
+from traceback import walk_stack, walk_tb
 from types import CodeType
 from typing import Any, NoReturn
 
@@ -55,9 +56,6 @@ def trace(
         name: The name of the method; by default that of the function.
         reference: The publication of the method.
         max_children: As for `ProgramBuilder.program`: bounds for methods for fields of a special form.
-
-    Returns:
-        The method.
 
     Raises:
         IntegratorError: The step does something else with its values; the message quotes the line.
@@ -171,14 +169,8 @@ class Recorder:
 
     def _check_time(self, evaluations: Sequence[Evaluation], at: LinearForm, time: Entry, place: str) -> None:
         """Refuse a time that differs from that of the point, where t′ = 1 is one of the equations."""
-        terms = []
-        for e, x in at.terms.items():
-            match evaluations[e]:
-                case Field():
-                    terms.append(x)
-                case Flow(_, _, duration):
-                    terms.append(multiply_entries(x, duration))
-        own = sum_entries(terms) if terms else Fraction(0)
+        used = [(evaluations[e], x) for e, x in at.terms.items() if isinstance(evaluations[e], Field | Flow)]
+        own = sum_entries(multiply_entries(x, e.time) if isinstance(e, Flow) else x for e, x in used)
         gap: Any = sum_entries((own, multiply_entries(time, Fraction(-1))))
         if not (abs(gap) < 1e-14 if isinstance(gap, float) else gap == 0):
             raise IntegratorError(
@@ -187,17 +179,8 @@ class Recorder:
 
     def place(self, error: BaseException | None = None) -> str:
         """The line of the step that runs, or in which an error was raised, quoted."""
-        lines = []
-        if error is None:
-            frame = currentframe()
-            while frame is not None:
-                lines += [frame.f_lineno] if frame.f_code is self.code else []
-                frame = frame.f_back
-        else:
-            trace = error.__traceback__
-            while trace is not None:
-                lines += [trace.tb_lineno] if trace.tb_frame.f_code is self.code else []
-                trace = trace.tb_next
+        steps = walk_stack(currentframe()) if error is None else walk_tb(error.__traceback__)
+        lines = [line for frame, line in steps if frame.f_code is self.code]
         if not lines or self.code is None:
             return "it"
         text = linecache.getline(self.code.co_filename, lines[-1]).strip()
@@ -263,10 +246,8 @@ class Value:
             self.recorder.refuse(f"adds a number to a state ({self} and {found})")
         if found.power != self.power:
             self.recorder.refuse(f"adds different powers of h ({self} and {found})")
-        total = self.content + found.content
-        return Value(
-            total if not self.is_scalar else sum_entries((self.content, found.content)), self.power, self.recorder
-        )
+        both = self.content, found.content
+        return Value(sum_entries(both) if self.is_scalar else both[0] + both[1], self.power, self.recorder)
 
     __radd__ = __add__
 

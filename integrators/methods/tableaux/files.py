@@ -15,18 +15,10 @@ from collections.abc import Iterable
 from decimal import Decimal
 from typing import IO, Any
 
+from integrators.core import text_files
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.core.text_files import (
-    FORMATS,
-    atomic_write,
-    check_keys,
-    errors_from,
-    json_text,
-    parse_json,
-    parse_toml,
-    read_text,
-)
+from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
@@ -40,14 +32,11 @@ KEYS = (*PART_KEYS, "partitions")
 
 
 def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
-    """Read a method from a file.
+    """Read a method from a file; a `TableauWarning` is emitted for each of its issues.
 
     Args:
         source: a path, or an open file of text or bytes.
         format: ``"json"`` or ``"toml"``; by default inferred from the suffix or the content.
-
-    Returns:
-        The method; a `TableauWarning` is emitted for each of its issues.
 
     Raises:
         IntegratorError: the file cannot be read, is not JSON or TOML, or contains no tableau.
@@ -58,30 +47,27 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
         >>> heun.b
         (Fraction(1, 2), Fraction(1, 2))
     """
-    text, label = read_text(source)
+    text, label = text_files.read_text(source)
     if format is None:
         format = _suffix(label) or ("json" if text.lstrip().startswith("{") else "toml")
-    method = _read(text, format, label)
+    method = loads_method(text, format, source=label, warn=False)
     emit(method.issues)
     return method
 
 
-def loads_method(text: str, format: str, *, source: str = "text") -> Method:
+def loads_method(text: str, format: str, *, source: str = "text", warn: bool = True) -> Method:
     """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`.
 
     Example:
         >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
         ((Fraction(1, 10),),)
     """
-    method = _read(text, format, source)
-    emit(method.issues)
+    parse = {"json": text_files.parse_json, "toml": text_files.parse_toml}[_checked_format(format)]
+    with text_files.errors_from(source):
+        method = _read_method(parse(text))
+    if warn:
+        emit(method.issues)
     return method
-
-
-def _read(text: str, format: str, source: str) -> Method:
-    parse = {"json": parse_json, "toml": parse_toml}[_checked_format(format)]
-    with errors_from(source):
-        return _read_method(parse(text))
 
 
 def save_method(method: Method, path: str | os.PathLike[str], format: str | None = None) -> None:
@@ -127,7 +113,7 @@ def dumps_method(method: Method, format: str) -> str:
         raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
     data = method.to_dict()
     if _checked_format(format) == "json":
-        return json_text(data) + "\n"
+        return text_files.json_text(data) + "\n"
     import tomli_w
 
     return tomli_w.dumps(data)
@@ -135,40 +121,38 @@ def dumps_method(method: Method, format: str) -> str:
 
 def _suffix(path: str) -> str:
     suffix = os.path.splitext(path)[1][1:].lower()
-    return suffix if suffix in FORMATS else ""
+    return suffix if suffix in text_files.FORMATS else ""
 
 
 def _checked_format(format: str) -> str:
-    if format not in FORMATS:
+    if format not in text_files.FORMATS:
         raise IntegratorError(f"format must be json or toml, but was {shorten(str(format))}")
     return format
 
 
 def _read_method(data: Any) -> Method:
-    check_keys(data, KEYS, "content")
+    text_files.check_keys(data, KEYS, "content")
     if "partitions" not in data:
         return _read_tableau(data, ())
-    check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
+    text_files.check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
     partitions = data["partitions"]
     if not isinstance(partitions, dict):
         raise IntegratorError(f"partitions must map names to tableaux, but was {shown(partitions)}")
     parameters = items(data.get("parameters", ()), "parameters")
     parts = {}
     for name, part in partitions.items():
-        with errors_from(f"partition {shorten(name)}"):
+        with text_files.errors_from(f"partition {shorten(name)}"):
             parts[name] = _read_tableau(part, parameters)
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
 
 
 def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
-    check_keys(data, PART_KEYS, "a tableau")
+    text_files.check_keys(data, PART_KEYS, "a tableau")
     labels = {key: data.get(key) for key in LABELS}
     if "algebra" in data:
-        check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
+        text_files.check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
         return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
-    for key in ("A", "b"):
-        if key not in data:
-            raise IntegratorError(f"content must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
+    _require_keys(data, ("A", "b"), "content")
     if data.get("domain", "float") != "float":
         raise IntegratorError(f"domain must be float or left out, but was {shown(data['domain'])}")
     rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
@@ -184,6 +168,12 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
     return method.to_float() if "domain" in data else method
 
 
+def _require_keys(data: Any, keys: Iterable[str], argument: str) -> None:
+    for key in keys:
+        if key not in data:
+            raise IntegratorError(f"{argument} must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
+
+
 def _as_floats(value: Any) -> Any:
     """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
@@ -193,10 +183,8 @@ def _as_floats(value: Any) -> Any:
 
 
 def _read_algebra(data: Any) -> StageAlgebra:
-    check_keys(data, ("polynomial", "A", "b"), "algebra")
-    for key in ("polynomial", "A", "b"):
-        if key not in data:
-            raise IntegratorError(f"algebra must have the key {key}, but had {', '.join(data) or 'none'}")
+    text_files.check_keys(data, ("polynomial", "A", "b"), "algebra")
+    _require_keys(data, ("polynomial", "A", "b"), "algebra")
     rows = [items(row, f"row {i} of algebra.A") for i, row in enumerate(items(data["A"], "algebra.A"), 1)]
     polynomial, b = (items(data[key], f"algebra.{key}") for key in ("polynomial", "b"))
     read = [[read_entry(value, "an entry of algebra") for value in row] for row in (polynomial, b, *rows)]

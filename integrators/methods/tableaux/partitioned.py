@@ -12,10 +12,10 @@ from foundation.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import errors_from
+from integrators.methods.programs.builder import in_color_order
 from integrators.methods.programs.program import Method, Program
 from integrators.methods.tableaux.presentation import tableau_picture, tableau_table
 from integrators.methods.tableaux.runge_kutta import RungeKutta, are_symmetric, check_known, emit, tableau_program
-from integrators.methods.tableaux.tableau_input import in_color_order
 
 DOMAINS = ("QQ", "decimal", "algebraic", "symbolic", "float")
 """The domains of entries, ascending."""
@@ -102,10 +102,8 @@ class PartitionedRungeKutta(Method):
     def to_dict(self) -> dict[str, Any]:
         """The content of a tableau file; see `load_method`."""
         labels = {"name": self.name} | ({} if self.reference is None else {"reference": self.reference})
-        return {
-            **labels,
-            "partitions": {name: p.to_dict() for name, p in zip(self.names, self.partitions, strict=True)},
-        }
+        parts = zip(self.names, self.partitions, strict=True)
+        return {**labels, "partitions": {name: part.to_dict() for name, part in parts}}
 
     def to_table(self) -> Table:
         """The tableaus as rows."""
@@ -116,16 +114,8 @@ class PartitionedRungeKutta(Method):
         """The number of stages of every part."""
         return self.partitions[0].stages
 
-    @property
-    def algebra(self) -> None:
-        """None: only the parts may have algebras."""
-        return None
-
-    @property
-    def embedded(self) -> tuple[()]:
-        """No embedded weights."""
-        return ()
-
+    algebra: None = None  # only the parts may have algebras
+    embedded: tuple[()] = ()
     max_children = None  # type: ignore[assignment]  # tableaux apply to all fields
 
     @cached_property

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from foundation.extras import optional_module
 from foundation.numbers import latex_number
+from foundation.plotting import BLACK, drawing, fit_picture, in_centimetres
 from foundation.table import Column, Table
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER, json_text
 from integrators.exact.expressions import format_number
-from integrators.methods.programs.pictures import Tableau, tableaux_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 DIGITS = 10
 MOST_EXACT_STAGES = 3
 """Methods with irrational entries and more stages are shown in floats."""
+FONT, GAP, LINE = 9.0, 7.0, 0.7
+"""Font size, gaps around entries and line width of a picture, in points."""
 
 
 def tableau_text(self: Any) -> str:
@@ -60,8 +63,55 @@ def tableau_picture(self: Any, ax: Axes | None = None) -> Axes:
     """
     optional_module("matplotlib", "a plot")
     parts = zip(self.names, self.partitions, strict=True)
-    tableaux = [Tableau(_latex_rows(part), part.stages, name) for name, part in parts]
-    return tableaux_picture(tableaux, ax)
+    tableaux = [_Picture(_latex_rows(part), part.stages, name) for name, part in parts]
+    size = sum(t.width + 2 * GAP for t in tableaux), max(t.height for t in tableaux) + 2 * GAP
+    with drawing(ax, IntegratorError, in_centimetres(size), frame=False) as axes:
+        scale, left = fit_picture(axes, size), GAP
+        for tableau in tableaux:
+            tableau.draw(axes, left, GAP, scale)
+            left += tableau.width + 2 * GAP
+    return axes
+
+
+class _Picture:
+    """Rows of formulas in mathtext under a title, lines right of the first column and below the first rows."""
+
+    def __init__(self, rows: Sequence[Sequence[str]], below: int, title: str):
+        self._below, self._title = below, title
+        self._rows = [[cell and f"${cell}$".replace(r"\frac", r"\dfrac") for cell in row] for row in rows]
+        boxes = [[_extent(cell) for cell in row] for row in self._rows]
+        columns = range(max(map(len, rows)))
+        self._widths = [max(row[k][0] for row in boxes if k < len(row)) + 2 * GAP for k in columns]
+        self._heights = [max(box[1] for box in row) + GAP for row in boxes]
+        self._top = 2 * FONT if title else 0.0
+        self.width, self.height = sum(self._widths), sum(self._heights) + self._top
+
+    def draw(self, ax: Axes, left: float, top: float, scale: float) -> None:
+        """Draw with the upper left corner at a point, in points; fonts are scaled."""
+        text = {"fontsize": FONT * scale, "ha": "center", "va": "center"}
+        if self._title:
+            ax.text(left + self.width / 2, top + FONT / 2, self._title, **text)
+        y = top + self._top
+        for k, (row, height) in enumerate(zip(self._rows, self._heights, strict=True)):
+            x = left
+            if k == self._below:
+                ax.plot([left, left + self.width], [y, y], color=BLACK, linewidth=LINE * scale)
+            for cell, width in zip(row, self._widths, strict=False):
+                ax.text(x + width / 2, y + height / 2, cell, **text)
+                x += width
+            y += height
+        border = left + self._widths[0]
+        ax.plot([border, border], [top + self._top, y], color=BLACK, linewidth=LINE * scale)
+
+
+def _extent(cell: str) -> tuple[float, float]:
+    """Width and height of a formula, in points."""
+    from matplotlib.textpath import TextPath
+
+    if not cell:
+        return 0.0, FONT
+    box = TextPath((0, 0), cell, size=FONT).get_extents()
+    return box.width, max(box.height, FONT)
 
 
 def _latex_rows(method: Any) -> list[list[str]]:

@@ -9,24 +9,16 @@ from functools import cached_property
 from typing import Any, Self
 
 from foundation.table import Table
-from integrators.core.arguments import read_labels
+from integrators.core.arguments import check_digits, items, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import entries, polynomials
-from integrators.exact.entries import Entry
-from integrators.exact.expressions import decimal_text, format_number
-from integrators.methods.programs.builder import ProgramBuilder
+from integrators.exact.entries import Entry, EntryRow, Matrix
+from integrators.exact.expressions import check_names, decimal_text, format_number
+from integrators.methods.programs.builder import ProgramBuilder, entry_count
 from integrators.methods.programs.evaluations import combination
-from integrators.methods.programs.program import Method, Program
-from integrators.methods.tableaux.presentation import (
-    plain_entries,
-    tableau_html,
-    tableau_latex,
-    tableau_picture,
-    tableau_table,
-    tableau_text,
-)
+from integrators.methods.programs.program import MAX_STAGES, Method, Program
+from integrators.methods.tableaux import presentation
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
-from integrators.methods.tableaux.tableau_input import EntryRow, Matrix, read_tableau
 
 
 class TableauWarning(UserWarning):
@@ -77,8 +69,8 @@ class RungeKutta(Method):
         self, A: Any, b: Any, c: Any = None, *, embedded: Any = None, parameters: Iterable[str] = (),
         name: str | None = None, digits: int | None = None, reference: str | None = None, warn: bool = True,
     ) -> None:  # fmt: skip
-        matrix, weights, nodes, extra = read_tableau(A, b, c, embedded, parameters, digits)
-        nodes = tuple(map(entries.sum_entries, matrix)) if nodes is None else nodes
+        matrix, weights, nodes, extra = _read_tableau(A, b, c, embedded, check_names(parameters, "parameters"), digits)
+        nodes = nodes or tuple(map(entries.sum_entries, matrix))
         self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)
         self.__dict__.update(names=("",), **read_labels(name, reference))
         if warn:
@@ -89,17 +81,6 @@ class RungeKutta(Method):
         """The method of a stage algebra; its exact tableau is computed on demand.
 
         Such methods are equal if and only if their algebras are. No warnings are emitted; see `issues`.
-
-        Args:
-            algebra: node polynomial, stage matrix and weights as rational data.
-            name: the name of the method in messages.
-            reference: the publication of the method.
-
-        Returns:
-            The method.
-
-        Raises:
-            IntegratorError: `algebra` is not a `StageAlgebra`.
         """
         if not isinstance(algebra, StageAlgebra):
             raise IntegratorError(f"algebra must be a StageAlgebra, but was {shown(algebra)}")
@@ -116,8 +97,8 @@ class RungeKutta(Method):
     def __repr__(self) -> str:
         return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
 
-    __str__ = tableau_text
-    _repr_html_ = tableau_html
+    __str__ = presentation.tableau_text
+    _repr_html_ = presentation.tableau_html
 
     def to_latex(self) -> str:
         """The tableau as a LaTeX array; long irrational entries are rounded to floats.
@@ -130,37 +111,35 @@ class RungeKutta(Method):
              & 0 & 1 \\\\
             \\end{array}
         """
-        return tableau_latex(self)
+        return presentation.tableau_latex(self)
 
-    plot = tableau_picture
+    plot = presentation.tableau_picture
 
     def to_dict(self) -> dict[str, Any]:
         """The content of a tableau file, without absent entries; see `load_method`."""
-        data: dict[str, Any] = {"name": self.name}
-        if self.reference is not None:
-            data["reference"] = self.reference
+        plain = presentation.plain_entries
+        data: dict[str, Any] = {"name": self.name, "reference": self.reference}
         if self.algebra is not None:
-            polynomial, b = plain_entries(self.algebra.polynomial), plain_entries(self.algebra.b)
-            rows = [plain_entries(row) for row in self.algebra.A]
-            return {**data, "algebra": {"polynomial": polynomial, "A": rows, "b": b}}
-        if self.parameters:
-            data["parameters"] = list(self.parameters)
-        if self.digits is not None:
-            data["digits"] = self.digits
-        if self.domain == "float":
-            data["domain"] = "float"
-        write = decimal_text if self.domain == "decimal" else format_number
-        data |= {"A": [plain_entries(row, write) for row in self.A], "b": plain_entries(self.b, write)}
-        # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
-        if self.domain not in ("algebraic", "symbolic") or self.c != self.row_sums:
-            data["c"] = plain_entries(self.c, write)
-        if self.embedded:
-            data["embedded"] = [plain_entries(row, write) for row in self.embedded]
-        return data
+            polynomial, b = plain(self.algebra.polynomial), plain(self.algebra.b)
+            data["algebra"] = {"polynomial": polynomial, "A": list(map(plain, self.algebra.A)), "b": b}
+        else:
+            write = decimal_text if self.domain == "decimal" else format_number
+            # Formulas of row sums can exceed the limit of length; summing again gives equal ones.
+            given = self.domain not in ("algebraic", "symbolic") or self.c != self.row_sums
+            data |= {
+                "parameters": list(self.parameters) or None,
+                "digits": self.digits,
+                "domain": "float" if self.domain == "float" else None,
+                "A": [plain(row, write) for row in self.A],
+                "b": plain(self.b, write),
+                "c": plain(self.c, write) if given else None,
+                "embedded": [plain(row, write) for row in self.embedded] or None,
+            }
+        return {key: value for key, value in data.items() if value is not None}
 
     def to_table(self) -> Table:
         """The tableau as rows."""
-        return tableau_table(self, self.to_latex)
+        return presentation.tableau_table(self, self.to_latex)
 
     @cached_property
     def _exact(self) -> tuple[Matrix, EntryRow, EntryRow]:
@@ -297,11 +276,7 @@ class RungeKutta(Method):
     def is_symplectic_with(self, other: RungeKutta) -> bool:
         """Whether b_i = b̂_i and b_i â_ij + b̂_j a_ji = b_i b̂_j for all i and j (HLW, Theorems VI.4.3 and VI.4.6).
 
-        Args:
-            other: the tableau of the other part, with the same number of stages.
-
-        Returns:
-            Whether the partitioned method of the two is symplectic.
+        The partitioned method with the tableau of the other part, with as many stages, is then symplectic.
         """
         one, two = self.algebra, other.algebra
         if one is not None and two is not None and one.polynomial == two.polynomial:
@@ -329,9 +304,6 @@ class RungeKutta(Method):
         Args:
             values: numbers, formulas as text or SymPy expressions for some or all of `parameters`.
 
-        Returns:
-            A new method.
-
         Raises:
             IntegratorError: a name is not a parameter, or an entry becomes infinite.
 
@@ -347,9 +319,11 @@ class RungeKutta(Method):
 
         read = {name: entries.read_entry(value, name, self.parameters) for name, value in values.items()}
         replacements = {sympy.Symbol(name): sympy.sympify(value, strict=True) for name, value in read.items()}
-        return self._mapped(
-            lambda value, place: entries.substitute(value, replacements, place), nodes=self.c != self.row_sums
-        )
+
+        def substituted(value: Any, place: str) -> Entry:
+            return entries.read_entry(value.xreplace(replacements), place) if entries.is_sympy(value) else value
+
+        return self._mapped(substituted, nodes=self.c != self.row_sums)
 
     def to_float(self) -> RungeKutta:
         """The method with every entry rounded to the nearest double.
@@ -381,6 +355,51 @@ class RungeKutta(Method):
             reference=self.reference,
             warn=False,
         )
+
+
+def _read_tableau(
+    A: Any, b: Any, c: Any, embedded: Any, names: tuple[str, ...], digits: int | None
+) -> tuple[Matrix, EntryRow, EntryRow, Matrix]:
+    """The stage matrix, weights, nodes (empty if not given) and rows of embedded weights, in one domain."""
+    raw = [items(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1)]
+    stages = len(raw)
+    if not 1 <= stages <= MAX_STAGES:
+        size = f"at most {MAX_STAGES} rows, but has {stages}" if stages else "at least one row, but was empty"
+        raise IntegratorError(f"A must have {size}")
+    first = len(raw[0])
+    for i, row in enumerate(raw, 1):
+        if len(row) != first:
+            raise IntegratorError(f"A must be square, but row {i} has {entry_count(len(row))} and row 1 has {first}")
+    if first != stages:
+        raise IntegratorError(f"A must be square, but has {stages} row{'s' * (stages > 1)} of {entry_count(first)}")
+
+    def read(values: Any, argument: str) -> EntryRow:
+        row = items(values, argument)
+        if len(row) != stages:
+            raise IntegratorError(f"{argument} must have as many entries as A has rows, {stages}, but has {len(row)}")
+        return tuple(entries.read_entry(value, f"{argument}[{j}]", names) for j, value in enumerate(row, 1))
+
+    extra = [] if embedded is None else items(embedded, "embedded")
+    if extra and (isinstance(extra[0], str) or not isinstance(extra[0], Iterable)):  # one row
+        extra = [extra]
+    rows = [*(read(row, f"A[{i}]") for i, row in enumerate(raw, 1)), read(b, "b")]
+    rows += [read(row, f"embedded[{k}]" if len(extra) > 1 else "embedded") for k, row in enumerate(extra, 1)]
+    rows = _in_one_domain([*rows, () if c is None else read(c, "c")], digits)
+    return tuple(rows[:stages]), rows[stages], rows[-1], tuple(rows[stages + 1 : -1])
+
+
+def _in_one_domain(rows: list[EntryRow], digits: int | None) -> list[EntryRow]:
+    """The rows; a single float makes all entries floats."""
+    check_digits(digits)
+    values = [value for row in rows for value in row]
+    domain = entries.find_domain(values)
+    if digits is not None and domain in ("algebraic", "symbolic"):
+        raise IntegratorError(f"digits must be left out for a tableau with roots or symbols, but was {digits}")
+    if domain != "float":
+        return rows
+    if entries.find_domain(value for value in values if not isinstance(value, float)) == "symbolic":
+        raise IntegratorError("A, b and c must not mix floats and symbols: write the floats as fractions or as text")
+    return [tuple(map(entries.round_entry, row)) for row in rows]
 
 
 def tableau_program(tableaux: Sequence[RungeKutta], names: Sequence[str], **labels: Any) -> Program:
@@ -427,15 +446,13 @@ def are_symmetric(parts: Sequence[RungeKutta]) -> bool:
     if not any(part.parameters for part in parts):
         sums = [[entries.round_entry(x) if entries.is_sympy(x) else x for x in part.row_sums] for part in parts]
         orders.append(sorted(stages, key=lambda i: [row[i] for row in sums]))
-    return any(all(_is_reversible(part, order) for part in parts) for order in orders)
 
+    def is_reversible(part: RungeKutta, order: Sequence[int]) -> bool:
+        a, b, partner = part.A, part.b, dict(zip(order, reversed(order), strict=True))
+        terms = ((a[partner[i]][partner[j]], a[i][j], -b[j]) for i in order for j in order)
+        return all(entries.cancels(x, part.precision) for x in terms)
 
-def _is_reversible(method: RungeKutta, order: Sequence[int]) -> bool:
-    a, b = method.A, method.b
-    partner = dict(zip(order, reversed(order), strict=True))
-    return all(
-        entries.cancels((a[partner[i]][partner[j]], a[i][j], -b[j]), method.precision) for i in order for j in order
-    )
+    return any(all(is_reversible(part, order) for part in parts) for order in orders)
 
 
 def _entry_text(value: Entry) -> str:

@@ -155,7 +155,9 @@ class StageAlgebra(ImmutableValue):
     @cached_property
     def has_rational_nodes(self) -> bool:
         """Whether all nodes, and therefore all entries of the tableau, are rational."""
-        return all(polynomials.evaluate(self.polynomial, node) == 0 for node in self._approximate_nodes(20))
+        return all(
+            polynomials.evaluate(self.polynomial, node) == 0 for node in polynomials.real_roots(self.polynomial, 20)
+        )
 
     @cached_property
     def _dual(self) -> tuple[Polynomial, ...]:
@@ -175,18 +177,15 @@ class StageAlgebra(ImmutableValue):
         *rows, weights = map(polynomials.trim, matrix_rows(to_flint_matrix([*self.A, self.b]) * dual))
         return tuple(rows), weights
 
-    def _approximate_nodes(self, digits: int) -> tuple[Fraction, ...]:
-        return polynomials.real_roots(self.polynomial, digits)
-
     def _approximate_tableau(self, digits: int) -> tuple[Matrix, tuple[Fraction, ...], tuple[Fraction, ...]]:
         """A, b, c within 10^-digits, in fixed-point arithmetic with a common denominator."""
         rows, weights = self._entry_polynomials
-        nodes = self._approximate_nodes(20)
+        nodes = polynomials.real_roots(self.polynomial, 20)
         # An error ε in the nodes or of rounding changes an entry by at most 4 s ε Σ|R| (1 + |c|)^(2s).
         size = sum((abs(value) for row in (*rows, weights) for value in row), Fraction(1))
         size *= 4 * self.stages * (1 + max(map(abs, nodes))) ** (2 * self.stages)
         digits_inside = digits + len(str(int(size)))
-        nodes = self._approximate_nodes(digits_inside)
+        nodes = polynomials.real_roots(self.polynomial, digits_inside)
         places = digits_inside * 10 // 3 + 1
         denominator = lcm(*(value.denominator for row in (*rows, weights) for value in row))
         *scaled, scaled_weights = ([int(v * denominator) << places for v in row] for row in (*rows, weights))
@@ -201,25 +200,11 @@ class StageAlgebra(ImmutableValue):
         return a, tuple(value(_horner(scaled_weights, point, places)) for point in points), nodes
 
     def nodes_decimal(self, digits: int = 50) -> tuple[Any, ...]:
-        """The nodes c_1 < … < c_s to a number of decimals.
-
-        Args:
-            digits: the number of decimals.
-
-        Returns:
-            One mpmath number per node.
-        """
-        return _decimals(self._approximate_nodes(_read_digits(digits)), digits)
+        """The nodes c_1 < … < c_s to a number of decimals, as mpmath numbers."""
+        return _decimals(polynomials.real_roots(self.polynomial, _read_digits(digits)), digits)
 
     def tableau_decimal(self, digits: int = 50) -> tuple[tuple[tuple[Any, ...], ...], Any, Any]:
-        """The tableau (A, b, c) to a number of decimals.
-
-        Args:
-            digits: the number of decimals.
-
-        Returns:
-            The matrix by rows, the weights and the nodes as mpmath numbers.
-        """
+        """The tableau (A, b, c) to a number of decimals, as mpmath numbers; the matrix by rows."""
         a, b, c = self._approximate_tableau(_read_digits(digits) + 3)
         return tuple(_decimals(row, digits) for row in a), _decimals(b, digits), _decimals(c, digits)
 
@@ -231,7 +216,7 @@ class StageAlgebra(ImmutableValue):
     @cached_property
     def _exact_nodes(self) -> tuple[tuple[Exact, Polynomial], ...]:
         """Each node, ascending, with its minimal polynomial over the rationals."""
-        approximate = self._approximate_nodes(20)
+        approximate = polynomials.real_roots(self.polynomial, 20)
         rational = [node for node in approximate if polynomials.evaluate(self.polynomial, node) == 0]
         rest = self.polynomial
         for node in rational:
@@ -250,10 +235,7 @@ class StageAlgebra(ImmutableValue):
         return tuple(sorted(found, key=lambda pair: sympy.N(pair[0], 20)))
 
     def nodes(self) -> tuple[Exact, ...]:
-        """The nodes c_1 < … < c_s, exactly.
-
-        Returns:
-            `Fraction`s where rational, radicals for quadratic and biquadratic factors, else SymPy's ``CRootOf``.
+        """The nodes: `Fraction`s where rational, radicals for quadratic and biquadratic factors, else ``CRootOf``.
 
         Example:
             >>> from fractions import Fraction
@@ -263,11 +245,7 @@ class StageAlgebra(ImmutableValue):
         return tuple(node for node, _ in self._exact_nodes)
 
     def tableau_exact(self) -> tuple[tuple[tuple[Exact, ...], ...], tuple[Exact, ...], tuple[Exact, ...]]:
-        """The tableau (A, b, c) exactly: V A V⁻¹ and b V⁻¹ with the Vandermonde matrix V of the nodes.
-
-        Returns:
-            The matrix by rows, the weights and the nodes; `Fraction`s where rational, else SymPy numbers.
-        """
+        """The tableau (A, b, c), `Fraction`s where rational: V A V⁻¹ and b V⁻¹ with the Vandermonde matrix V."""
         rows, weights = self._entry_polynomials
         points = self._exact_nodes
         a = tuple(tuple(_entry(rows, first, second) for second in points) for first in points)

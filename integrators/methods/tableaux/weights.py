@@ -29,15 +29,10 @@ ROUNDING = 1e-9
 
 
 class Conditions(NamedTuple):
-    """The order conditions ``vectors @ weights == values`` of one order k.
+    """The order conditions ``vectors @ weights == values`` of one order k."""
 
-    Attributes:
-        vectors: one stage vector for each tree with k nodes.
-        values: 1/γ of each tree.
-    """
-
-    vectors: Array
-    values: Array
+    vectors: Array  # one stage vector for each tree with k nodes
+    values: Array  # 1/γ of each tree
 
 
 def weight_conditions(A: Array) -> Iterator[Conditions]:
@@ -67,24 +62,16 @@ def weight_conditions(A: Array) -> Iterator[Conditions]:
         largest.append(np.repeat(np.arange(len(trees)), before))
 
 
-def order_of_weights(A: Array, weights: Array) -> int:
-    """The order of the weights, at most `MAX_ORDER`; in doubles up to rounding.
+def order_of_weights(A: Array, weights: Array, factor: int = 1) -> int:
+    """The largest order ≤ `MAX_ORDER` up to which weights·Φ = factor/γ for all trees; in doubles up to rounding.
+
+    With the factor 0, for the difference of two rows of weights: the k for which their results differ by O(h^(k+1)).
 
     Example:
         >>> import numpy as np
         >>> order_of_weights(np.array([[0, 0], [1, 0.0]]), np.array([0.5, 0.5]))
         2
     """
-    return _orders_without_residual(A, weights, 1)
-
-
-def order_of_difference(A: Array, difference: Array) -> int:
-    """The largest k ≤ `MAX_ORDER` for which the results of two rows of weights differ by O(h^(k+1))."""
-    return _orders_without_residual(A, difference, 0)
-
-
-def _orders_without_residual(A: Array, weights: Array, factor: int) -> int:
-    """The largest order up to which weights·Φ = factor/γ for all trees."""
     tolerance = 0 if A.dtype == object else ROUNDING
     for k, (vectors, values) in enumerate(islice(weight_conditions(A), MAX_ORDER)):
         size = abs(vectors) @ abs(weights) + factor * values
@@ -105,19 +92,12 @@ ERROR_CUT = 1e-2
 
 
 class ContinuousExtension(NamedTuple):
-    """Polynomial weights and their additional stages.
+    """Polynomial weights and their additional stages."""
 
-    Attributes:
-        order: The order of the extension at all points of a step.
-        rows: The coefficients of the additional stages, one row for each, over all stages.
-        nodes: The nodes of the additional stages.
-        weights: The matrix whose entry (i, j) is the coefficient of θ^(j+1) in b_i(θ).
-    """
-
-    order: int
-    rows: Array
-    nodes: Array
-    weights: Array
+    order: int  # the order of the extension at all points of a step
+    rows: Array  # the coefficients of the additional stages, one row for each, over all stages
+    nodes: Array  # the nodes of the additional stages
+    weights: Array  # the matrix whose entry (i, j) is the coefficient of θ^(j+1) in b_i(θ)
 
 
 def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
@@ -145,7 +125,8 @@ def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
         most = MOST_FURTHER_STAGES if reached < order - 1 else 0
         for number in range(most + 1):
             new = np.arange(1, 2 * number, 2) / (2 * number + 2)
-            longer = _with_stages(A, weights, new)
+            longer = np.pad(A, (0, number))  # with stages at points of the extension
+            longer[len(A) :, : len(A)] = new[:, None] ** np.arange(1, weights.shape[1] + 1) @ weights.T
             found = _polynomial_weights(longer, np.append(b, np.zeros(number)), stages, reached + 1)
             if found is not None:
                 break
@@ -154,15 +135,6 @@ def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
         A, b, nodes, weights = longer, np.append(b, np.zeros(number)), np.append(nodes, new), found
         reached += 1
     return ContinuousExtension(reached, A[stages:], nodes, weights)
-
-
-def _with_stages(A: Array, weights: Array, nodes: Array) -> Array:
-    """The stage matrix with additional stages at points of an extension."""
-    import numpy as np
-
-    longer = np.pad(A, (0, len(nodes)))
-    longer[len(A) :, : len(A)] = nodes[:, None] ** np.arange(1, weights.shape[1] + 1) @ weights.T
-    return longer
 
 
 def _polynomial_weights(A: Array, b: Array, end: int, order: int) -> Array | None:
@@ -193,23 +165,17 @@ def _polynomial_weights(A: Array, b: Array, end: int, order: int) -> Array | Non
     if not (_agree(vectors, columns, targets) and _agree(columns, sums, ends)):
         return None
     # Least squares give the shortest change in the kernel (up to rounding) that minimises the error terms.
-    errors, wanted = _error_terms(beyond, order + 1, powers)
+    points = np.linspace(0, 1, 2 * len(powers) + 3)[1:-1]
+    of_points, points_triangle = np.linalg.qr(points[:, None] ** powers)
+    of_trees, trees_triangle = np.linalg.qr(beyond.vectors)
+    errors = np.kron(points_triangle, trees_triangle)
+    wanted = np.kron(points ** (order + 1) @ of_points, beyond.values @ of_trees)
     free = errors - errors @ rows.T @ rows
     if np.linalg.norm(free) > ROUNDING * np.linalg.norm(errors):
         change = np.linalg.lstsq(free, wanted - errors @ solution, rcond=ERROR_CUT)[0]
         columns = (solution + change - rows.T @ (rows @ change)).reshape(len(powers), len(b)).T
     weights = np.column_stack([units[0], columns])
     return weights if abs(weights).max() <= LARGEST_WEIGHT else None
-
-
-def _error_terms(beyond: Conditions, order: int, powers: Array) -> tuple[Array, Array]:
-    """Matrix and right-hand side of the order conditions at some points of the step."""
-    import numpy as np
-
-    points = np.linspace(0, 1, 2 * len(powers) + 3)[1:-1]
-    of_points, points_triangle = np.linalg.qr(points[:, None] ** powers)
-    of_trees, trees_triangle = np.linalg.qr(beyond.vectors)
-    return np.kron(points_triangle, trees_triangle), np.kron(points**order @ of_points, beyond.values @ of_trees)
 
 
 def _agree(matrix: Array, solution: Array, right: Array) -> bool:

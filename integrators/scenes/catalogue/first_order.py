@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
@@ -11,17 +11,10 @@ from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Term
 from integrators.scenes.scene import Scene
 
-if TYPE_CHECKING:
-    import sympy
-
 
 def riccati() -> Scene:
     """y' = y², y(0) = 1."""
-    return Scene(
-        {"y": 1},
-        field={"y": "y^2"},
-        start={"y": [1]},
-    )
+    return Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]})
 
 
 HARMONIC_OSCILLATOR = ((0, -1), (1, 0))
@@ -33,17 +26,22 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
     Args:
         matrix: The rows of A, exact numbers.
 
-    Raises:
-        IntegratorError: `matrix` is not square, or an entry is not a number.
-
     Example:
         >>> linear(matrix=[["-1/2", 3], [0, 1]]).field
         (-y1/2 + 3*y2, y2)
     """
     import sympy
 
-    entries = _read_square(matrix)
-    size = len(entries)
+    rows = [items(row, f"row {i} of matrix") for i, row in enumerate(items(matrix, "matrix"), 1)]
+    size = len(rows)
+    if not rows:
+        raise IntegratorError("matrix must have at least one row, but was empty")
+    for i, row in enumerate(rows, 1):
+        if len(row) != size:
+            raise IntegratorError(f"matrix must be square, but row {i} of {size} has length {len(row)}")
+    entries = [
+        [read_formula(x, (), f"matrix[{i}][{j}]") for j, x in enumerate(row, 1)] for i, row in enumerate(rows, 1)
+    ]
     y = sympy.symbols(f"y1:{size + 1}") if size > 1 else (sympy.Symbol("y"),)
     skew = all(entries[i][j] == -entries[j][i] for i in range(size) for j in range(i + 1))
     return Scene(
@@ -52,16 +50,6 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
         invariants={"squared_norm": sympy.Add(*(x**2 for x in y))} if skew else {},
         start={"y": [1] * size},
     )
-
-
-def _read_square(matrix: Any) -> list[list[sympy.Expr]]:
-    rows = [items(row, f"row {i} of matrix") for i, row in enumerate(items(matrix, "matrix"), 1)]
-    if not rows:
-        raise IntegratorError("matrix must have at least one row, but was empty")
-    for i, row in enumerate(rows, 1):
-        if len(row) != len(rows):
-            raise IntegratorError(f"matrix must be square, but row {i} of {len(rows)} has length {len(row)}")
-    return [[read_formula(x, (), f"matrix[{i}][{j}]") for j, x in enumerate(row, 1)] for i, row in enumerate(rows, 1)]
 
 
 def nonlinear_oscillator() -> Scene:

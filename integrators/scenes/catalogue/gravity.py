@@ -9,13 +9,7 @@ from typing import Any
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
-from integrators.scenes.catalogue.particles import (
-    kinetic_energy,
-    read_positive,
-    read_rows,
-    squared_distance,
-    symmetry_integrals,
-)
+from integrators.scenes.catalogue import particles
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Effect, Term
@@ -27,12 +21,9 @@ FIGURE_EIGHT_VELOCITIES = (("0.466203685", "0.43236573"),) * 2 + (("-0.93240737"
 
 
 def n_body(
-    *,
-    masses: Any = (1, 1, 1),
-    positions: Any = FIGURE_EIGHT,
-    velocities: Any = FIGURE_EIGHT_VELOCITIES,
+    *, masses: Any = (1, 1, 1), positions: Any = FIGURE_EIGHT, velocities: Any = FIGURE_EIGHT_VELOCITIES,
     effects: Collection[str] = (),
-) -> Scene:
+) -> Scene:  # fmt: skip
     """H = Σ |p_i|²/(2m_i) − Σ_{i<j} G m_i m_j / r_ij, with p_i = m_i v_i; G = 1 is a parameter.
 
     Args:
@@ -40,9 +31,6 @@ def n_body(
         positions: A row of 2 or 3 numbers for each body.
         velocities: A row of the same length for each body.
         effects: ``softening`` replaces the distance r by sqrt(r² + epsilon²), with the parameter epsilon = 1/10.
-
-    Raises:
-        IntegratorError: A mass is not positive, the numbers of rows or columns differ, or two bodies coincide.
 
     Example:
         >>> n_body(masses=[2, 1], positions=[[0, 0], [1, 0]], velocities=[[0, 0], [0, "1/2"]]).hamiltonian
@@ -56,33 +44,28 @@ def gravity(
     summary: str | None = None,
 ) -> Scene:  # fmt: skip
     """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
-    m = [read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
-    q = read_rows(positions, "positions", len(m))
-    v = read_rows(velocities, "velocities", len(m))
-    dimension = _dimension(q, v)
-    square = squared_distance(dimension) + " + epsilon^2" * softened
+    m = [particles.read_positive(mass, f"masses[{k}]") for k, mass in enumerate(items(masses, "masses"), 1)]
+    q = particles.read_rows(positions, "positions", len(m))
+    v = particles.read_rows(velocities, "velocities", len(m))
+    lengths = [{len(row) for row in rows} for rows in (q, v)]
+    if lengths not in ([{2}, {2}], [{3}, {3}]):
+        found = " and of ".join(" and ".join(map(str, sorted(n))) or "none" for n in lengths)
+        raise IntegratorError(
+            f"positions and velocities must be rows of 2 numbers, or rows of 3, but had rows of {found}"
+        )
+    dimension = lengths[0].pop()
+    square = particles.squared_distance(dimension) + " + epsilon^2" * softened
     return Scene(
         {"p": [len(m), dimension], "q": [len(m), dimension]},
         terms=[
-            kinetic_energy(dimension, "m_i"),
+            particles.kinetic_energy(dimension, "m_i"),
             Term(over="pairs", hamiltonian=f"-G*m_i*m_j/sqrt({square})"),
         ],
         parameters={"G": constant, "m": m, **({"epsilon": "1/10"} if softened else {})},
-        invariants=symmetry_integrals(len(m), dimension),
+        invariants=particles.symmetry_integrals(len(m), dimension),
         start={"p": [[mass * x for x in row] for mass, row in zip(m, v, strict=True)], "q": q},
         summary=summary or f"gravity among {len(m)} bodies{', softened' * softened}",
     )
-
-
-def _dimension(positions: Sequence[Sequence[Any]], velocities: Sequence[Sequence[Any]]) -> int:
-    lengths = [{len(row) for row in rows} for rows in (positions, velocities)]
-    if lengths not in ([{2}, {2}], [{3}, {3}]):
-        found = [" and ".join(map(str, sorted(n))) or "none" for n in lengths]
-        raise IntegratorError(
-            "positions and velocities must be rows of 2 numbers, or rows of 3, "
-            f"but had rows of {found[0]} and of {found[1]}"
-        )
-    return lengths[0].pop()
 
 
 # Solar masses, astronomical units and days; the Sun's mass includes the inner planets.
@@ -153,9 +136,6 @@ def kepler(*, eccentricity: Any = "3/5") -> Scene:
 
     Args:
         eccentricity: The eccentricity of the ellipse, at least 0 and less than 1.
-
-    Raises:
-        IntegratorError: `eccentricity` is outside this range.
 
     Example:
         >>> kepler(eccentricity="1/2").start

@@ -65,9 +65,6 @@ def henon_heiles(*, energy: Any = "1/12") -> Scene:
     Args:
         energy: The value of H at the start; below 1/6 orbits are bounded.
 
-    Raises:
-        IntegratorError: `energy` is not a number, or less than the potential at the start.
-
     Example:
         >>> henon_heiles(energy="1/8").start
         (19*sqrt(15)/150, 0, 0, 1/10)
@@ -89,9 +86,6 @@ def central_field(*, potential: Any = "-1/r") -> Scene:
 
     Args:
         potential: V, a formula in r.
-
-    Raises:
-        IntegratorError: `potential` is not a formula in r.
 
     Example:
         >>> central_field(potential="r^2/2").field
@@ -162,9 +156,6 @@ def charged_particle(
     Args:
         magnetic: The components of B, three formulas in x, y, z with divergence 0.
         potential: U, a formula in x, y, z.
-
-    Raises:
-        IntegratorError: One is not a formula in x, y, z, or the divergence of B is not 0.
 
     Example:
         >>> charged_particle(magnetic=[0, 0, "1 + x^2"], potential="x^2/2").field

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from foundation.table import Column, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError, shown, suggestion
-from integrators.scenes.model.assembly import UnknownNameError
+from integrators.scenes.model.declarations import UnknownNameError
 from integrators.scenes.model.terms import check_active
 from integrators.scenes.scene import Scene, labelled
 
@@ -129,10 +129,7 @@ def _records() -> list[dict[str, Any]]:
 
 
 def scene_catalogue() -> SceneCatalogue:
-    """List the catalogue of scenes.
-
-    Returns:
-        A tuple with an entry for each scene, none of them built.
+    """The catalogue of scenes: a tuple with an entry for each of them, none of them built.
 
     Example:
         >>> [entry.name for entry in scene_catalogue() if "pendulum" in entry.name]
@@ -150,9 +147,6 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
         parameters: Options of the scene (such as the number of particles), and values of its parameters and of those
             of the effects that are on.
 
-    Returns:
-        The scene.
-
     Raises:
         IntegratorError: The scene, or an effect, option or parameter is unknown.
 
@@ -162,7 +156,9 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
     """
     entry = find_entry(name)
     options = {key: parameters.pop(key) for key in list(parameters) if key in entry.options}
-    names = _names(effects)
+    if effects is not None and not isinstance(effects, Iterable):
+        raise IntegratorError(f"effects must be names, but was {shown(effects)}")
+    names = (effects,) if isinstance(effects, str) else tuple(effects or ())
     if entry.built_in_effects is not None:
         options |= {} if effects is None else {"effects": check_active(names, entry.built_in_effects)}
         names = ()
@@ -180,14 +176,6 @@ def as_scene(value: Scene | str) -> Scene:
     if not isinstance(value, Scene):
         raise IntegratorError(f"scene must be a Scene or the name of one, but was {shown(value)}")
     return value
-
-
-def _names(effects: Any) -> tuple[str, ...]:
-    if isinstance(effects, str):
-        return (effects,)
-    if effects is not None and not isinstance(effects, Iterable):
-        raise IntegratorError(f"effects must be names, but was {shown(effects)}")
-    return () if effects is None else tuple(effects)
 
 
 def find_entry(name: Any) -> SceneEntry:

@@ -34,22 +34,14 @@ class BlackBox(sympy.Atom):
 
     Two are equal if they are the same function, called with the same arguments: numba freezes the values of closures
     and of global names, which its text does not show.
-
-    Attributes:
-        function: The function, as a dispatcher of numba.
-        name: Its name in messages.
-        arguments: Its arguments.
-        shape: The shape of its value, (n,) or (n, n).
-        key: The name of all this in generated code; no two processes use the same.
-        jacobian: The function of its derivatives ∂f_i/∂y_k by its array argument, or None.
     """
 
-    function: Any
-    name: str
+    function: Any  # the function, as a dispatcher of numba
+    name: str  # its name in messages
     arguments: tuple[BoxArgument, ...]
-    shape: tuple[int, ...]
-    key: str
-    jacobian: BlackBox | None
+    shape: tuple[int, ...]  # the shape of its value, (n,) or (n, n)
+    key: str  # the name of all this in generated code; no two processes use the same
+    jacobian: BlackBox | None  # the function of its derivatives ∂f_i/∂y_k by its array argument, or None
 
     def __new__(  # noqa: D102
         cls, function: Any, name: str, arguments: Iterable[BoxArgument], shape: Sequence[int],
@@ -143,16 +135,6 @@ class Entry(sympy.Function):
         refuse(self, "other arithmetic than doubles")
 
     _mpmathcode = _numpycode = _pythoncode
-
-
-def is_black_box(formula: Any) -> bool:
-    """Whether a formula has an entry of a black box."""
-    return formula.has(Entry)
-
-
-def boxes_in(formulas: Iterable[Any]) -> list[BlackBox]:
-    """The black boxes of formulas, each of them once."""
-    return list(dict.fromkeys(entry.args[0] for formula in formulas for entry in formula.atoms(Entry)))
 
 
 def check_formulas(formulas: Iterable[Any], need: str) -> None:

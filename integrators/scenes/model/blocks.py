@@ -17,21 +17,13 @@ TIME = "t"
 
 
 class Block(NamedTuple):
-    """A contiguous block of variables.
-
-    Attributes:
-        name: Its name.
-        variables: The names of its entries, in the order of the state.
-        offset: The index of its first entry in the state.
-        sites: The number of sites (particles, masses, …); 0 for individually named variables.
-        components: The components at each site: ``("q",)``, or ``("qx", "qy")`` in two dimensions.
-    """
+    """A contiguous block of variables."""
 
     name: str
-    variables: tuple[str, ...]
-    offset: int
-    sites: int
-    components: tuple[str, ...]
+    variables: tuple[str, ...]  # the names of its entries, in the order of the state
+    offset: int  # the index of its first entry in the state
+    sites: int  # the number of sites (particles, masses, …); 0 for individually named variables
+    components: tuple[str, ...]  # the components at each site: ``("q",)``, or ``("qx", "qy")`` in two dimensions
 
     @property
     def dimension(self) -> int:

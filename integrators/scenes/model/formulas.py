@@ -107,9 +107,9 @@ def stable_form(formula: sympy.Expr, argument: str) -> sympy.Expr:
     """The form of a formula that is parsed from its own text: q/(3*x + 3), but not (q/3)/(x + 1)."""
     if formula.is_Rational or formula.is_Symbol:
         return formula
-    from integrators.scenes.model.black_boxes import is_black_box
+    from integrators.scenes.model.black_boxes import Entry
 
-    if is_black_box(formula):  # it has no text
+    if formula.has(Entry):  # a compiled function has no text
         return formula
     try:
         return _stable_form(formula)

@@ -9,14 +9,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks
-from integrators.scenes.model.declarations import numbered
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.terms import Sites, Summand
+from integrators.scenes.model.terms import Sites, Summand, numbered
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,40 +90,21 @@ def output_formula(term: LocalTerm, output: Output) -> sympy.Expr:
     return output.sign * formula
 
 
-def check_numeric(terms: Iterable[LocalTerm]) -> None:
-    """Refuse terms with symbolic parameters."""
-    for term in terms:
-        for symbol in sorted(map(str, term.formula.free_symbols)):
-            if not LOCAL_NAME.fullmatch(symbol):
-                raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")
-
-
 class System(ImmutableValue):
-    """A system y' = f(y), given as summands over index sets.
+    """A system y' = f(y), given as summands over index sets."""
 
-    Attributes:
-        name: The name in messages.
-        blocks: The blocks of variables.
-        parameters: Their values: a number, a tuple with a number for each site, or a symbol.
-        summands: The formulas of the field, or of the Hamiltonian.
-        base_summands: The summands without effects.
-        poisson: The matrix of a Poisson structure; None for the canonical structure.
-        invariants: First integrals by name.
-        positive: Formulas that are positive wherever the field is defined.
-        start: Exact start values, or None.
-        notes: Transformations applied to the declared system.
-    """
-
-    name: str
+    name: str  # the name in messages
     blocks: tuple[Block, ...]
+    # their values: a number, a tuple with a number for each site, or a symbol
     parameters: Mapping[str, sympy.Expr | tuple[sympy.Expr, ...]]
+    # the matrix of a Poisson structure; None for the canonical structure
     poisson: tuple[tuple[sympy.Expr, ...], ...] | None
-    invariants: Mapping[str, sympy.Expr]
-    positive: tuple[sympy.Expr, ...]
-    start: tuple[sympy.Expr, ...] | None
-    summands: tuple[Summand, ...]
-    base_summands: tuple[Summand, ...]
-    notes: tuple[str, ...]
+    invariants: Mapping[str, sympy.Expr]  # first integrals by name
+    positive: tuple[sympy.Expr, ...]  # formulas that are positive wherever the field is defined
+    start: tuple[sympy.Expr, ...] | None  # exact start values, or None
+    summands: tuple[Summand, ...]  # the formulas of the field, or of the Hamiltonian
+    base_summands: tuple[Summand, ...]  # the summands without effects
+    notes: tuple[str, ...]  # transformations applied to the declared system
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
@@ -168,9 +148,10 @@ class System(ImmutableValue):
     @cached_property
     def black_boxes(self) -> tuple[BlackBox, ...]:
         """The compiled functions in the field."""
-        from integrators.scenes.model.black_boxes import boxes_in
+        from integrators.scenes.model.black_boxes import Entry
 
-        return tuple(boxes_in(summand.formula for summand in self.summands))
+        entries: Iterable[Any] = (entry for summand in self.summands for entry in summand.formula.atoms(Entry))
+        return tuple(dict.fromkeys(entry.args[0] for entry in entries))
 
     @cached_property
     def local_terms(self) -> tuple[LocalTerm, ...]:
@@ -179,21 +160,16 @@ class System(ImmutableValue):
 
     @cached_property
     def numeric_terms(self) -> tuple[LocalTerm, ...]:
-        """The local terms, checked to have numbers for parameters: the input of code generation.
-
-        Raises:
-            IntegratorError: A parameter is a symbol.
-        """
-        check_numeric(self.local_terms)
+        """The local terms, checked to have numbers for parameters: the input of code generation."""
+        for term in self.local_terms:
+            for symbol in sorted(map(str, term.formula.free_symbols)):
+                if not LOCAL_NAME.fullmatch(symbol):
+                    raise IntegratorError(f"parameters.{symbol} must be a number in compiled code, but was a symbol")
         return self.local_terms
 
     @property
     def y0(self) -> np.ndarray:
-        """The start values as doubles.
-
-        Raises:
-            IntegratorError: The system has no start values.
-        """
+        """The start values as doubles; an `IntegratorError` if there are none."""
         return self._y0.copy()
 
     @cached_property

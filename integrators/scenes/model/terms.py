@@ -130,19 +130,13 @@ Key: TypeAlias = "tuple[str | None, Sites, str | None]"
 
 
 class Summand(NamedTuple):
-    """One formula of a term, with the derivative to which it contributes.
+    """One formula of a term, with the derivative to which it contributes."""
 
-    Attributes:
-        formula: In flat names, or in local names (``qx_i``) if `sites` is not single; parameters are symbols.
-        target: The variable (or local name) whose derivative it contributes to; None for a term of the Hamiltonian.
-        sites: The index set of the sum.
-        part: The part of the field to which it belongs, if any.
-    """
-
-    formula: sympy.Expr
+    formula: sympy.Expr  # in flat names, or in local names (``qx_i``) if `sites` is not single; parameters are symbols
+    # the variable (or local name) whose derivative it contributes to; None for a term of the Hamiltonian
     target: str | None
-    sites: Sites
-    part: str | None
+    sites: Sites  # the index set of the sum
+    part: str | None  # the part of the field to which it belongs, if any
 
 
 def sorted_summands(formulas: Mapping[Key, sympy.Expr], blocks: Iterable[Block]) -> tuple[Summand, ...]:
@@ -230,6 +224,16 @@ def _immutable(value: Any) -> Any:
     return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
 
 
+def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
+    """The values of site parameters under the names m1, m2, …"""
+    return {
+        f"{name}{k}": entry
+        for name, value in parameters.items()
+        if isinstance(value, tuple)
+        for k, entry in enumerate(value, 1)
+    }
+
+
 def check_effects(effects: Any) -> dict[str, Effect]:
     """The effects of a scene by name, checked."""
     known = isinstance(effects, Mapping) and all(isinstance(name, str) and name for name in effects)
@@ -243,12 +247,7 @@ def check_active(active: Any, effects: Mapping[str, Any]) -> tuple[str, ...]:
     names = [active] if isinstance(active, str) else items(active, "effects")
     for name in names:
         if not isinstance(name, str) or name not in effects:
-            raise IntegratorError(f"there is no effect {name!r:.60}; {_those(effects)}")
+            hint = "there are none; effects that change the variables are chosen by scene(name, effects=[…])"
+            those = f"the effects are {shorten(', '.join(effects))}" if effects else hint
+            raise IntegratorError(f"there is no effect {name!r:.60}; {those}")
     return tuple(name for name in effects if name in names)
-
-
-def _those(effects: Mapping[str, Any]) -> str:
-    """The known effects, for messages."""
-    if effects:
-        return f"the effects are {shorten(', '.join(effects))}"
-    return "there are none; effects that change the variables are chosen by scene(name, effects=[…])"

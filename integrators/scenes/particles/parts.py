@@ -63,20 +63,15 @@ def degrees(scene: System, pieces: Sequence[Piece]) -> list[list[int | None]]:
         [[0, None, None], [1, 0, 1]]
     """
     where = supports(scene, pieces)
-    every = frozenset().union(*where)
     rows: list[list[int | None]] = []
     for piece in pieces:
-        row: list[int | None] = [0] * (len(pieces) + 1)
-        for term in scene.local_terms:
-            for output in piece.outputs(term, scene):
-                for k, families in enumerate([*where, every]):
-                    row[k] = _larger(row[k], _degree(term, output, families, scene))
+        outputs = [(term, output) for term in scene.local_terms for output in piece.outputs(term, scene)]
+        row: list[int | None] = []
+        for families in (*where, frozenset().union(*where)):
+            found = [_degree(term, output, families, scene) for term, output in outputs]
+            row.append(None if None in found else max(filter(None, found), default=0))
         rows.append(row)
     return rows
-
-
-def _larger(one: int | None, other: int | None) -> int | None:
-    return None if one is None or other is None else max(one, other)
 
 
 def _degree(term: LocalTerm, output: Output, families: frozenset[Family], scene: System) -> int | None:

@@ -12,8 +12,8 @@ import pytest
 import tomli_w
 
 import bseries as bs
+from bseries.advice.effects.costs import effect_variants
 from bseries.advice.effects.influences import EffectRow, Influence, _recommended
-from bseries.advice.effects.variants import effect_variants
 from bseries.advice.timing import Timing
 from integrators.compile.scene_source import scene_source
 from integrators.runs.observers import observers

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.advice.measures import energy_size, relative_change, relative_distance, relative_distances, without_time
+from bseries.advice.measures import energy_size, relative_change, relative_distance, without_time
 from bseries.advice.predictions import perturbation_run as runs_module
-from bseries.advice.predictions.expected_errors import REGULAR, change_after, from_parts, size_after
 from bseries.advice.predictions.modified_terms import modified_terms
-from bseries.advice.predictions.perturbation_run import perturbation_run
 
 FACTOR = 3.0
 PENDULUM = bs.scene("pendulum")
@@ -26,6 +24,11 @@ def short_pilots(monkeypatch):
 
 def predicted(scene, method, h, steps, **options):
     return bs.predict_run(method, scene, h=h, steps=steps, timed=False, **options)
+
+
+def followed(found):
+    """The number of steps over which errors are expected."""
+    return round(found.pilot * found.steps)
 
 
 def measured(scene, method, h, steps, finer, looks=300):
@@ -61,7 +64,8 @@ RUNS = [
 @pytest.mark.parametrize(("name", "method", "h", "steps", "finer"), RUNS)
 def test_errors_are_within_a_factor_of_three(name, method, h, steps, finer):
     scene = bs.scene(name)
-    found, real = predicted(scene, method, h, steps), measured(scene, method, h, steps, finer)
+    found = predicted(scene, method, h, steps)
+    real = measured(scene, method, h, followed(found), finer)
     for expected, value in zip((found.energy, found.solution), real, strict=True):
         assert expected.value is not None, expected.reason
         assert 1 / FACTOR < expected.value / value < FACTOR
@@ -90,10 +94,10 @@ ROTATING = bs.scene("pendulum").with_start(p=[3], q=[0])
     ],
 )  # fmt: skip
 def test_angles_grow_as_their_errors_do(scene, method, h, steps, finer):
-    """Errors are relative to the angle at the end, not to that of the pilot."""
+    """Errors are relative to the angle at the end of the part that is followed, of which nothing goes beyond."""
     found = predicted(scene, method, h, steps)
     assert found.pilot < 1 / 5
-    real = measured(scene, method, h, steps, finer, looks=20_000)  # near a perihelion errors are large for a moment
+    real = measured(scene, method, h, followed(found), finer, looks=20_000)  # near a perihelion errors are large
     for expected, value in zip((found.energy, found.solution), real, strict=True):
         assert expected.value is not None, expected.reason
         assert 1 / 1.5 < expected.value / value < 1.5
@@ -102,7 +106,8 @@ def test_angles_grow_as_their_errors_do(scene, method, h, steps, finer):
 def test_energies_near_zero_are_no_measure_of_an_orbit():
     """H = −cos q is 8e-4 at the start, and what rk4 loses 2.5e-3; the orbit is one of size 1 all the same."""
     scene = bs.scene("pendulum").with_start(p=[0], q=["1.57"])
-    found, real = predicted(scene, "rk4", 0.2, 5000), measured(scene, "rk4", 0.2, 5000, 2)
+    found = predicted(scene, "rk4", 0.2, 5000)
+    real = measured(scene, "rk4", 0.2, followed(found), 2)
     assert found.energy.value == pytest.approx(real[0], rel=0.1)
     assert real[0] > 1
     assert found.solution.value == pytest.approx(real[1], rel=0.1)
@@ -112,7 +117,7 @@ def test_energies_near_zero_are_no_measure_of_an_orbit():
 def test_energy_errors_of_atoms_are_known_though_their_paths_are_not(method, h):
     atoms, steps = bs.scene("lennard-jones"), round(100 / h)
     found = predicted(atoms, method, h, steps)
-    energy = bs.integrate(method, atoms, h=h, steps=steps, save_every=None, observe="energy", observe_every=1)
+    energy = bs.integrate(method, atoms, h=h, steps=followed(found), save_every=None, observe="energy", observe_every=1)
     values = energy.observed["energy"]
     assert found.energy.value is not None
     assert 1 / FACTOR < found.energy.value / (abs(values - values[0]).max() / abs(values[0])) < FACTOR
@@ -129,19 +134,11 @@ def test_a_wrong_order_would_be_noticed():
     assert real[1] > 100 * other.solution.value
 
 
-def test_extrapolation_by_a_wrong_law_fails():
-    """Rk4 loses energy, and its solution error is quadratic: the linear law of symplectic methods is far off."""
-    kepler, h, steps = bs.scene("kepler"), 0.01, 500_000
-    found = perturbation_run(modified_terms(bs.method("rk4"), kepler), None, kepler.y0, h, h * steps)
-    assert found is not None
-    sizes, times = np.linalg.norm(found.errors, axis=0), h * steps / found.t[-1]
-    assert size_after(sizes, times, 2) > 5 * size_after(sizes, times, 1)
-
-
 class TestUnknown:
     """Where errors cannot be known, that is said with a reason."""
 
-    def test_chaos(self):
+    def test_chaos(self, monkeypatch):
+        monkeypatch.setattr(runs_module, "MOST_POINTS", SHIPPED)  # in half of them errors do not reach the orbit's size
         found = predicted(bs.scene("lennard-jones"), "stormer-verlet", 0.005, 10**6)
         assert found.solution.value is None
         assert "as in chaos" in found.solution.reason
@@ -300,31 +297,6 @@ def test_exact_methods_have_rounding_errors_only():
 
 
 @pytest.mark.parametrize(
-    ("name", "scene", "holds"),
-    [
-        ("stormer-verlet", "outer-solar-system", True), ("rk4", "outer-solar-system", False),
-        ("gauss2", "kepler", True), ("rk4", "kepler", False), ("stormer-verlet", "lennard-jones", True),
-        ("symplectic-euler-p", "lotka-volterra", True), ("gauss2", "lotka-volterra", False),
-        ("rk4", "rigid-body", False),
-    ],
-)  # fmt: skip
-def test_hamiltonian_terms_are_told_from_others(name, scene, holds):
-    made = bs.scene(scene)
-    terms, point = modified_terms(bs.method(name), made), made.y0
-    states = point[:, None] * (1 + 0.01 * np.random.default_rng(1).normal(size=(len(point), 10)))
-    assert terms.is_hamiltonian(states) is holds
-
-
-@pytest.mark.parametrize(("name", "holds"), [("gauss2", True), ("stormer-verlet", True), ("rk4", False)])
-def test_hamiltonian_terms_are_told_where_angles_are_large(name, holds):
-    """After a thousand turns the size of an angle says nothing of how far away a field is another one."""
-    terms, t = modified_terms(bs.method(name), ROTATING), np.linspace(0, 3000, 5000)
-    states = np.array([2.7 + 0.3 * np.cos(2.7 * t), 2.7 * t])
-    assert terms.is_hamiltonian(states) is holds
-    assert not terms.is_hamiltonian(states * [[np.nan], [1]])
-
-
-@pytest.mark.parametrize(
     ("name", "powers"),
     [("explicit-euler", (1, 2, 3)), ("dop853", (8, 9, 10)), ("yoshida6", (6, 8)), ("gauss4", (8, 10))],
 )
@@ -376,9 +348,8 @@ def test_energies_that_change_by_as_much_as_there_is_are_unknown():
 def test_terms_whose_own_effects_cancel(steps):
     """Of the symplectic Euler method the first term only oscillates, and with its square does what the second does."""
     found = predicted(PENDULUM, "symplectic-euler-p", 0.02, steps)
-    for expected, real in zip(
-        (found.energy, found.solution), measured(PENDULUM, "symplectic-euler-p", 0.02, steps, 1), strict=True
-    ):
+    measures = measured(PENDULUM, "symplectic-euler-p", 0.02, followed(found), 1)
+    for expected, real in zip((found.energy, found.solution), measures, strict=True):
         assert expected.value is not None, expected.reason
         assert 1 / FACTOR < expected.value / real < FACTOR
 
@@ -480,64 +451,13 @@ def test_nothing_is_asked_of_the_time_beyond_the_end():
     assert 1 / FACTOR < found.solution.value / (real.max() / run.y.max()) < FACTOR
 
 
-class TestGrowth:
-    """Growth laws, on functions whose growth is known."""
-
-    t = np.linspace(0, 200, 4001)
-
-    @pytest.mark.parametrize("power", [1, 2])
-    def test_quasi_periodic_growth(self, power):
-        def law(t):
-            return t**power * (2 + np.sin(3 * t) + np.cos(2**0.5 * t)) + 10 * (1 + np.cos(t))
-
-        found = from_parts(lambda n, times: size_after(law(self.t[:n]), times, power), len(self.t), 100.0)
-        assert found.value == pytest.approx(4 * 20_000**power, rel=0.1)
-        assert found.disagreement < REGULAR
-
-    def test_exponential_growth_is_seen(self):
-        errors = np.exp(self.t / 20)
-        assert from_parts(lambda n, times: size_after(errors[:n], times, 2), len(errors), 10.0).disagreement > 3
-
-    @pytest.mark.parametrize("span", [10, 20, 50])
-    @pytest.mark.parametrize(("method", "h", "power"), [("gauss2", 0.05, 1), ("rk4", 0.02, 2)])
-    def test_few_periods_lead_to_no_wrong_error(self, span, method, h, power):
-        """The Kepler problem has the period 2π: from 1.6, 3 and 8 periods to twice and five times as long."""
-        kepler, steps = bs.scene("kepler"), round(5 * span / h)
-        run = bs.integrate(method, kepler, h=h, steps=steps).y
-        exact = bs.integrate("gauss4", kepler, h=h, steps=steps).y
-        errors, points = relative_distances(run, exact), steps // 5 + 1
-        for times in (2, 5):
-            found = from_parts(lambda n, f: size_after(errors[:n], f, power), points, times)
-            real = errors[: times * points].max()
-            assert found.disagreement > REGULAR or 1 / FACTOR < found.value / real < FACTOR
-
-    def test_errors_that_have_faded_stay(self):
-        assert size_after(np.exp(-self.t / 20), 10.0, 2) == pytest.approx(1.0)
-
-    @pytest.mark.parametrize("power", [1, 2])
-    def test_errors_that_begin_with_zeros(self, power):
-        errors = np.maximum(self.t - 150, 0.0)
-        assert size_after(errors, 4.0, power) > 100
-        assert size_after(1e-200 * errors, 4.0, power) == pytest.approx(1e-200 * size_after(errors, 4.0, power))
-
-    @pytest.mark.parametrize("points", [1, 2, 5])
-    def test_few_points_are_no_law(self, points):
-        errors = np.linspace(0, 1, points) ** 2
-        found = from_parts(lambda n, f: size_after(errors[:n], f, 1), points, 3.0)
-        assert found.disagreement > REGULAR or not errors.any()
-
-    def test_drift_below_oscillations(self):
-        assert change_after(np.sin(self.t) + 1e-4 * self.t, 1e4) == pytest.approx(201, rel=0.1)
-        assert change_after(np.sin(self.t), 100) == pytest.approx(1, rel=0.02)
-
-
 def test_plain_data_and_text():
     found = bs.predict_run("gauss2", bs.scene("pendulum"), h=0.1, steps=10**6, timed=False)
     data = found.to_dict()
     assert data["powers"] == [4, 6]
     assert data["energy_error"]["value"] == found.energy.value
     assert str(found).startswith("relative energy error 1.8e-06, relative solution error ")
-    assert "from the modified equation to h^6, extrapolated from" in str(found)
+    assert "from the modified equation to h^6, over the first 1.4 % of the time" in str(found)
 
 
 @pytest.mark.parametrize("more", ["", " + y/10^8"])

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import bseries as bs
 from bseries.advice.timing import Timing
-from bseries.advice.work_precision.candidates import candidate
 from bseries.advice.work_precision.recommendation import bracket, largest_step
-from bseries.advice.work_precision.sweeps import Curve, Judge, Row, RunErrors
+from bseries.advice.work_precision.sweeps import Curve, Judge, Row, RunErrors, candidate
 
 
 def curve_of(errors):

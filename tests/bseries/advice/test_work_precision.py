@@ -12,10 +12,17 @@ from steady_budgets import for_steps, stop_the_clock
 
 import bseries as bs
 from bseries.advice.timing import Timing
-from bseries.advice.work_precision import precision_curves
-from bseries.advice.work_precision.candidates import candidate, candidates
 from bseries.advice.work_precision.recommendation import largest_step
-from bseries.advice.work_precision.sweeps import Curve, DenseReference, Judge, Row, RunErrors, time_scale
+from bseries.advice.work_precision.sweeps import (
+    Curve,
+    DenseReference,
+    Judge,
+    Row,
+    RunErrors,
+    candidate,
+    candidates,
+    time_scale,
+)
 
 METHODS = ("stormer-verlet", "rk4", "gauss2")
 
@@ -228,36 +235,17 @@ def test_the_step_is_the_largest_that_meets_the_error(pendulum, judge, error):
         assert larger is None or larger > error
 
 
-@pytest.mark.parametrize(("measure", "growth"), [("solution", 50), ("energy", 1)])
-def test_spans_too_long_to_measure_are_measured_in_part(monkeypatch, measure, growth):
-    """With a reference solution that may take no time only the beginning is measured, and what is assumed is said."""
-    monkeypatch.setattr(precision_curves, "_measurable_span", lambda *_: 20.0)
-    found = bs.work_precision(METHODS, "pendulum", span=1000, errors=(1e-2, 1e-7), measure=measure, budget=BUDGET)
-    assert (found.span, found.asked) == (20.0, 1000.0)
-    assert any(note.startswith("Measured to t = 20, 0.02 of the requested span") for note in found.notes)
-    chosen = found.best(1e-3)
-    assert (chosen.span, chosen.steps) == (1000, math.ceil(1000 / chosen.h * (1 - 1e-12)))
-    assert "errors assumed" in chosen.basis
-    run = next(c for c in found.curves if c.candidate.name == chosen.method).candidate
-    short = found.judge.run(run, round(20 / chosen.h)).error(measure)
-    assert chosen.error == pytest.approx(growth * short)
-    assert chosen.error <= 1e-3
+def test_spans_for_which_the_budget_is_too_short_are_refused():
+    """Nothing is recommended for a time that was not measured."""
+    with pytest.raises(bs.IntegratorError, match=r"span must be at most 6.02e\+05 for pendulum and this budget"):
+        bs.work_precision(METHODS, "pendulum", span=1e12)
 
 
 @pytest.mark.slow
-def test_spans_whose_reference_is_not_precise_in_doubles_are_measured_in_part():
+def test_without_a_precise_reference_only_energies_are_measured():
     found = bs.work_precision("rk4", "kepler", span=1e5, errors=(1e-1, 1e-3), budget=10 * BUDGET)
-    assert found.measures == ("solution", "energy")
-    assert found.span < found.asked == 1e5
-    assert "assumed to grow in proportion to t" in found.best(10.0).basis
-
-
-def test_how_much_of_a_span_can_be_measured():
-    pendulum, lorenz = bs.scene("pendulum"), bs.scene("lorenz")
-    part = precision_curves._measurable_span
-    assert part(pendulum, 50.0, ("energy",), 0.2) == 50.0
-    assert part(pendulum, 1e12, ("energy",), 0.2) == 5e5  # 4·10⁵ times |y|/|f|
-    assert 10 < part(lorenz, 1e9, ("solution",), 0.2) < 1e6
+    assert (found.span, found.measures) == (1e5, ("energy",))
+    assert any(note.startswith("The solution was not measured: span must be shorter") for note in found.notes)
 
 
 def test_the_energy_as_the_measure(pendulum):

@@ -45,7 +45,6 @@ def test_the_star_is_at_the_method_that_is_recommended():
     interpolated = {"rk4": 2e-5, "gauss2": 1e-5, "midpoint": 3e-5}
     assert times_of(found, 1e-3, "solution", choice) == (recommended, "rk4")
     assert times_of(found, 1e-3, "solution", None) == (interpolated, "gauss2")
-    assert times_of(found, 1e-3, "solution", choice._replace(span=20.0)) == (interpolated, "gauss2")
     assert times_of(found, 1e-3, "solution", "no method reaches it") == (interpolated, None)
 
 
@@ -112,7 +111,7 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--measure", "x"), "measure must be one of solution, energy, but was 'x'"),
         (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
         (("pendulum", "-o", "k.tex"), "output must end in one of .txt, .json, .csv, .md, .html where"),
-        (("pendulum", "--span", "1e300"), "span must be below 1.35e+16 for pendulum"),
+        (("pendulum", "--span", "1e300"), "span must be at most 6.02e+05 for pendulum"),
         (("pendulum", "--plot", "missing/cost.png"), "plot must be a file in a folder that is there"),
         (("pendulum", "-o", "cost.png"), "output must end in one of"),
         (("pendulum", "--budget", "0"), "budget must be positive, but was '0'"),

@@ -10,7 +10,7 @@ import re
 import pytest
 
 import bseries as bs
-from bseries.cli.progress import Progress
+from bseries.cli.output import Progress
 from bseries.cli.verbs.effects import FirstRun
 
 DAMPED = ("pendulum", "--method", "explicit-midpoint", "--effect", "damping", "--parameter", "gamma=1e-6")

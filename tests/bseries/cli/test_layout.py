@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from bseries.cli.progress import Progress
+from bseries.cli.output import Progress
 from integrators.core.arguments import split_row
 
 
@@ -30,7 +30,7 @@ class Terminal(io.StringIO):
 def test_progress_bar_appears_and_goes(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr("bseries.cli.progress.PATIENCE", 0.0)
+    monkeypatch.setattr("bseries.cli.output.PATIENCE", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     with Progress() as progress:
         progress._timer.join()
@@ -43,8 +43,8 @@ def test_progress_bar_appears_and_goes(monkeypatch):
 def test_progress_bar_says_that_code_is_compiled(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr("bseries.cli.progress.PATIENCE", 0.0)
-    monkeypatch.setattr("bseries.cli.progress.is_compiling", lambda: True)
+    monkeypatch.setattr("bseries.cli.output.PATIENCE", 0.0)
+    monkeypatch.setattr("bseries.cli.output.is_compiling", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     with Progress() as progress:
         progress._timer.join()

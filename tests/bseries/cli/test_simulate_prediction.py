@@ -9,7 +9,7 @@ import pytest
 import bseries as bs
 from bseries.cli.options import expectation
 from bseries.cli.options.expectation import Expectation
-from bseries.cli.progress import Progress
+from bseries.cli.output import Progress
 
 RUN = ("simulate", "pendulum", "--method", "rk4", "--step", "0.1", "--steps", "2000")
 LINE = "bseries: expected: "
@@ -64,7 +64,7 @@ def test_long_runs_are_announced_by_themselves(run, monkeypatch):
     monkeypatch.setattr(expectation, "COMPARABLE", 0.0)
     found = run(*RUN[:-1], "3000000")
     assert found.stderr.startswith(LINE)
-    assert "extrapolated from" in found.stderr
+    assert "over the first" in found.stderr
     assert "took " in found.stdout
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bseries.course import documents, pages
+from bseries.course import documents
 from bseries.course.computed import COMPUTED, computed, filled, places
 
 FOLDER = Path(documents.__file__).parent
@@ -36,18 +36,18 @@ def texts() -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def contents(texts) -> dict[str, pages.Element]:
+def contents(texts) -> dict[str, documents.Element]:
     """The documents by name, as pandoc reads them."""
     pytest.importorskip("pypandoc")
-    parsed = {source: pages.parsed(text) for source, text in texts.items()}
+    parsed = {source: documents.parsed(text) for source, text in texts.items()}
     return {
-        name: pages.without(parsed[document.source], document.left_out)
+        name: documents.without(parsed[document.source], document.left_out)
         for name, document in documents.DOCUMENTS.items()
     }
 
 
 @pytest.fixture(scope="session")
-def pictures(texts) -> dict[str, pages.Picture]:
+def pictures(texts) -> dict[str, documents.Picture]:
     """A drawing in the place of each figure."""
     names = re.findall(documents.FIGURE, "".join(texts.values()))
-    return dict.fromkeys(names, pages.Picture(DRAWING, "svg"))
+    return dict.fromkeys(names, documents.Picture(DRAWING, "svg"))

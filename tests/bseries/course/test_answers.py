@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import bseries as bs
-from bseries.course import truths
+from bseries.course import questions
 from bseries.course.answers import answer_template, check_answers
 from bseries.course.questions import QUESTIONS
 
@@ -20,7 +20,7 @@ RIGHT = (HERE / "right_answers.txt").read_text(encoding="utf-8")
 WRONG = dict(
     line.split("->") for line in (HERE / "wrong_answers.txt").read_text(encoding="utf-8").splitlines() if "=" in line
 )
-SHEET = (Path(truths.__file__).parent / "exercises.md").read_text(encoding="utf-8")
+SHEET = (Path(questions.__file__).parent / "exercises.md").read_text(encoding="utf-8")
 KEYS = [question.key for question in QUESTIONS]
 MOST_SECONDS = 5.0
 """CPU time that one answer may take, of which most is SymPy's import."""
@@ -57,6 +57,10 @@ def test_there_is_a_wrong_answer_to_each_question():
         ("7a = f'f (2*theta - 1)/2", "equal exactly"),
         ("7a = -(1/2 - theta)*f'(f)", "equal exactly"),
         ("7a = f’f theta − 1/2 f’f", "equal exactly"),
+        ("7a = (θ − 1/2)·f′f", "equal exactly"),
+        ("\ufeff4b = 3a^2/8", "equal exactly"),
+        ("4a = 2a + 3a^2/8 − a^2×cos(2θ)/2 + a^2⋅cos(4θ)/8", "equal exactly"),
+        ("13b = 4.9969e7", "equal to 3 digits"),
         ("9b = -f'(f'(f))/6 - f''( f , f )/6", "equal exactly"),
         ("4a = 2*a + a^2*(3 - 4*cos(2*theta) + cos(4*theta))/8", "equal exactly"),
         ("4a = 2*a + (a*(1 - cos(theta)^2))^2", "equal exactly"),
@@ -194,7 +198,7 @@ def test_the_sheet_asks_what_is_checked():
 
 
 def test_the_steps_on_the_sheet_are_those_that_are_checked():
-    for step, code in zip(truths.STEPS, re.findall(r"```python\n(.*?)```", SHEET, re.DOTALL), strict=True):
+    for step, code in zip(questions.STEPS, re.findall(r"```python\n(.*?)```", SHEET, re.DOTALL), strict=True):
         space: dict[str, Any] = {}
         exec(code, space)  # our own text
         assert bs.trace(space[step.__name__]) == bs.trace(step)

@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from bseries.course import documents, pages
-from bseries.course.pages import html_page, parsed, pdf_pages, typst_source, without
+from bseries.course import documents
+from bseries.course.documents import html_page, parsed, pdf_pages, typst_source, without
 
 pytest.importorskip("pypandoc")
 DOCUMENTS = documents.DOCUMENTS
@@ -153,7 +153,7 @@ def test_solutions_are_left_out():
     ],
 )
 def test_delimiters_adapt(tex, found):
-    assert pages.DELIMITER.sub(pages._stretched, tex) == found
+    assert documents.DELIMITER.sub(documents._stretched, tex) == found
 
 
 def test_keys_lead_from_slide_to_slide(contents, pictures, tmp_path, browser):

@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.course import truths
+from bseries.course import questions
 from bseries.course.questions import QUESTIONS
 from integrators import adjoint_method
 
@@ -106,7 +106,7 @@ def test_the_gain_of_exercise_16_is_that_of_a_run():
 def test_adjoints_of_exercise_11():
     """Φ* after a step back is the identity, and the composition is symmetric."""
     ralston = bs.method("ralston2")
-    assert bs.symmetry(truths.symmetrized_ralston(), 6).breaks is None
+    assert bs.symmetry(questions.symmetrized_ralston(), 6).breaks is None
     assert bs.symmetry(ralston, 6).breaks is not None
     back = bs.series(adjoint_method(ralston), 5).inverse()
     signs = {tree: (-1) ** tree.order for tree in back}

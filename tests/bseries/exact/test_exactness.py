@@ -15,10 +15,17 @@ from hypothesis import strategies as st
 
 import bseries as bs
 import trees.table
-from bseries.exact import operations, recursions
+from bseries.exact import rationals, recursions
 from bseries.exact.arithmetic import Exact, Majorant, majorants, primes_beyond
-from bseries.exact.operations import Operation, combine, evaluate, log_denominator, wider_step
-from bseries.exact.rationals import RationalValues, smallest_step
+from bseries.exact.rationals import (
+    Operation,
+    RationalValues,
+    combine,
+    evaluate,
+    log_denominator,
+    smallest_step,
+    wider_step,
+)
 
 ORDER = 6
 KINDS = "import math, trees.compiled\ntrees.compiled.LOADING = math.inf\n", "import numba\n"
@@ -72,13 +79,13 @@ def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
     """Denominators chosen such that numerators of the top order have about so many bits."""
     used = []
     for name in ("_run_wrapped", "_run_primes"):
-        run = getattr(operations, name)
-        monkeypatch.setattr(operations, name, lambda *a, name=name, run=run: used.append(name) or run(*a))
+        run = getattr(rationals, name)
+        monkeypatch.setattr(rationals, name, lambda *a, name=name, run=run: used.append(name) or run(*a))
     odd = max(3, round(2 ** (bits / ORDER)) | 1)
     method = bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
     found = modified(method, FAST)
     assert found.coefficients() == modified(method, PLAIN).coefficients()
-    largest = max(abs(int(x)) for x in found.numerators).bit_length()
+    largest = max(abs(int(x)) for x in found.raw).bit_length()
     assert abs(largest - bits) < 12
     assert used == ["_run_wrapped" if largest < 48 else "_run_primes"]
 
@@ -329,7 +336,7 @@ def test_few_methods_are_refused(results):
 )
 def test_whole_orders_give_what_kernels_give(monkeypatch, make):
     found = []
-    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: True)
+    monkeypatch.setattr(rationals, "arrays_pay", lambda seconds: True)
     for compiled in (False, True):
         monkeypatch.setattr(trees.table, "compiling_pays", lambda work, compiled=compiled: compiled)
         trees.table._kept_table.cache_clear()
@@ -340,11 +347,11 @@ def test_whole_orders_give_what_kernels_give(monkeypatch, make):
 
 
 def test_numbers_beyond_64_bits_are_not_computed_by_order(monkeypatch):
-    monkeypatch.setattr(operations, "arrays_pay", lambda seconds: True)
+    monkeypatch.setattr(rationals, "arrays_pay", lambda seconds: True)
     monkeypatch.setattr(trees.table, "compiling_pays", lambda work: False)
     trees.table._kept_table.cache_clear()
     wrapped = []
-    monkeypatch.setattr(operations, "_run_wrapped", lambda *inputs: wrapped.append(inputs))
+    monkeypatch.setattr(rationals, "_run_wrapped", lambda *inputs: wrapped.append(inputs))
     assert bs.modified_equation("dormand-prince54", 8).order == 8
     assert not wrapped
     trees.table._kept_table.cache_clear()

@@ -6,8 +6,8 @@ import pytest
 import sympy
 
 from bseries import SeriesError
-from bseries.fields.symbolic.differential_rings import DifferentialRing, Lattice
-from bseries.fields.symbolic.polynomials import TooLarge
+from bseries.fields.differential_rings import DifferentialRing, Lattice
+from bseries.fields.polynomials import TooLarge
 
 x, y, a, k = sympy.symbols("x y a k")
 sin, cos, tan, exp, log, sqrt = sympy.sin, sympy.cos, sympy.tan, sympy.exp, sympy.log, sympy.sqrt
@@ -198,7 +198,7 @@ def test_rings_grow_beyond_a_word_of_generators():
     derivatives = [own]
     for _ in range(12):
         derivatives.append(ring.derivative(derivatives[-1], 0))
-    assert ring.size > 12
+    assert len(ring.generators) > 12
     product = derivatives[-1] * early - early * derivatives[-1]
     assert not product
     late = early * derivatives[3] + derivatives[10]

@@ -15,8 +15,8 @@ import sympy
 
 import bseries as bs
 from bseries import BSeries, SeriesError
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.elementary_differentials import DerivativeTowers, SymbolicSeries
-from bseries.fields.symbolic.differential_rings import DifferentialRing
 from integrators.exact.expressions import parse_expression
 from trees import Tree, TreeTable
 

@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.fields.symbolic.integration import potential
+from bseries.fields.differential_rings import DifferentialRing
+from bseries.fields.modified_invariants import potential
 
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXERCISE2 = LECTURE["example2_lotka_volterra_and_exercise2"]

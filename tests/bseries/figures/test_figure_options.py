@@ -1,4 +1,4 @@
-"""Options of figures, captions that follow them, pictures in grey, fonts, and animations."""
+"""Options of figures, captions that follow them, pictures in grey, fonts, and registry."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.figures import animations, area_patch, energy_error, lotka_volterra, riccati, toda, truncation
+from bseries.figures import area_patch, energy_error, lotka_volterra, registry, riccati, toda, truncation
 from bseries.figures.options import read_count, read_methods, read_number, read_numbers, read_start, read_starts
 from bseries.figures.registry import animate, compute, drawn, figure_file, figure_names
 from foundation.plotting import BLUE, GREEN, ORANGE, VERMILION, new_figure, picture, print_style
@@ -299,7 +299,7 @@ class TestAnimations:
             steps = file.frames(numbers, new_figure(file.SIZE))
             first, count = next(steps)
             assert first == 1
-            assert count <= animations.MOST_FRAMES
+            assert count <= registry.MOST_FRAMES
             if name != "chaos-onset":
                 assert [frame for frame, _ in steps] == list(range(2, count + 1))
 
@@ -339,7 +339,7 @@ class TestAnimations:
         bs.figure(name).animate(path)
         assert path.stat().st_size < 5_000_000
         with Image.open(path) as film:
-            assert 90 <= film.n_frames <= animations.MOST_FRAMES
+            assert 90 <= film.n_frames <= registry.MOST_FRAMES
 
     def test_an_interrupted_film_leaves_no_file(self, tmp_path):
         def stop(done, total):
@@ -363,7 +363,7 @@ class TestAnimations:
             animate(figure_file(name), None, path)
 
     def test_an_encoder_that_fails(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(animations, "_encoder", lambda: "false")
+        monkeypatch.setattr(registry, "_encoder", lambda: "false")
         with pytest.raises(bs.SeriesError, match="animate must be a file that ffmpeg can write, but false failed on"):
             animate(figure_file("area-patch"), area_patch.numbers(steps=4), tmp_path / "patch.mp4")
         assert not list(tmp_path.iterdir())
@@ -374,5 +374,5 @@ class TestAnimations:
         monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
         monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
         with pytest.raises(ImportError, match=r"needs imageio_ffmpeg: pip install '.\[animate\]'"):
-            animations.check_animation("a.mp4")
-        assert animations.check_animation("a.GIF") == "gif"
+            registry.check_animation("a.mp4")
+        assert registry.check_animation("a.GIF") == "gif"

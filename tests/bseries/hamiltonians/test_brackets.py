@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.hamiltonians.brackets.campbell_hausdorff import bch, bracket_hamiltonian
 from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms

@@ -7,13 +7,13 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.hamiltonians.action_angle.canonical_transformations import (
+from bseries.hamiltonians.canonical_transformations import (
+    CoordinateChange,
     canonical_transformation,
     generating_transformation,
     harmonic_action_angle,
     point_transformation,
 )
-from bseries.hamiltonians.action_angle.coordinate_change import CoordinateChange
 
 ONE, TWO, THREE = ({"p": n, "q": n} for n in (1, 2, 3))
 NEW, NEW_TWO = ({"P": n, "Q": n} for n in (1, 2))

@@ -14,10 +14,10 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.hamiltonians.drift.mean_rates import energy_drift
-from bseries.hamiltonians.drift.orbits import closed_orbit, mean_of_samples, rate_statistics
-from bseries.hamiltonians.drift.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
+from bseries.fields.differential_rings import DifferentialRing
+from bseries.hamiltonians.energy_drift import energy_drift
+from bseries.hamiltonians.orbits import closed_orbit, mean_of_samples, rate_statistics
+from bseries.hamiltonians.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
 from foundation.table import PRINT_WIDTH
 from integrators.methods.kinds.second_order import TakahashiImada
 

@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.hamiltonians.generating_functions import (
     exact_generating_function,
     generating_function,

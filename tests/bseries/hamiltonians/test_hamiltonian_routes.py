@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 import bseries as bs
-from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.differential_rings import DifferentialRing
 
 GENERAL = bs.Scene(
     {"p": 1, "q": 1},

@@ -8,9 +8,9 @@ import pytest
 import sympy
 
 import bseries as bs
-from bseries.hamiltonians.action_angle.canonical_transformations import harmonic_action_angle
-from bseries.hamiltonians.action_angle.fourier import FourierRing
-from bseries.hamiltonians.action_angle.lindstedt_poincare import lindstedt_poincare
+from bseries.hamiltonians.canonical_transformations import harmonic_action_angle
+from bseries.hamiltonians.fourier import FourierRing
+from bseries.hamiltonians.lindstedt_poincare import lindstedt_poincare
 
 A, THETA, EPS = sympy.symbols("a theta eps")
 A1, A2, THETA1, THETA2 = sympy.symbols("a1 a2 theta1 theta2")

@@ -14,7 +14,7 @@ import sympy
 
 import bseries as bs
 from bseries.exact.domains import make_values
-from bseries.fields.symbolic.differential_rings import DifferentialRing
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.hamiltonians.from_trees import EnergyScene, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from integrators.reference.plain_steps import plain_steps

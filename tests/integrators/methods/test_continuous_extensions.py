@@ -12,7 +12,6 @@ import pytest
 from integrators import RungeKutta, catalogue, method
 from integrators.methods.tableaux.weights import (
     continuous_extension,
-    order_of_difference,
     order_of_weights,
     weight_conditions,
 )
@@ -69,7 +68,7 @@ def test_the_difference_of_weights_has_the_lower_of_their_orders():
         tableau = method(name)
         A, b = exact_arrays(tableau)
         embedded = np.array(tableau.embedded[0])
-        assert order_of_difference(A, b - embedded) == min(order_of_weights(A, b), order_of_weights(A, embedded))
+        assert order_of_weights(A, b - embedded, 0) == min(order_of_weights(A, b), order_of_weights(A, embedded))
 
 
 @pytest.mark.parametrize("entry", EXPLICIT, ids=lambda entry: entry.name)

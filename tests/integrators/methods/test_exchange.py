@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from integrators import IntegratorError, RungeKutta, TableauWarning, catalogue, method
-from integrators.bindings.scipy_bridge import scipy_solver
 from integrators.methods import export_tableau, import_tableau
 from integrators.methods.exchange.tableaus import FORMATS
+from integrators.runs.scipy_solvers import scipy_solver
 
 VALUES = {"alpha": "3/7", "gamma": "2/7", "c2": "3/5", "c3": "6/7"}
 KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit")

@@ -20,7 +20,7 @@ from power_series_oracle import random_field
 
 from integrators import IntegratorError, Splitting, adjoint_method, catalogue, composition, lie_trotter, method, strang
 from integrators.methods.catalogue.registry import RECOMMENDED, recommended
-from integrators.methods.kinds.composition_schemes import SCHEMES, adjoint_composition, symmetric_composition
+from integrators.methods.kinds.compositions import SCHEMES, adjoint_composition, symmetric_composition
 from integrators.methods.kinds.second_order import ForceGradient
 from integrators.methods.kinds.splitting import NystromSplitting
 from integrators.reference.plain_steps import block_parts, plain_step

@@ -16,7 +16,7 @@ from integrators import IntegratorError, Scene
 from integrators.compile.scene_source import compiled_scene
 from integrators.exact.expressions import ELEMENTARY
 from integrators.reference import solution as reference
-from integrators.reference import taylor_program
+from integrators.reference import taylor_series
 from integrators.reference.solution import reference_solution
 from integrators.scenes.catalogue.registry import scene
 
@@ -192,7 +192,7 @@ def test_numbers_in_formulas_count_with_all_their_digits(monkeypatch):
         return abs(reference_solution(system, 1, full=True).numbers()[0, 0] - mpmath.exp(mpmath.sqrt(2)))
 
     assert difference() < 1e-30
-    monkeypatch.setattr(taylor_program, "WORKING_DIGITS", 20)
+    monkeypatch.setattr(taylor_series, "WORKING_DIGITS", 20)
     assert difference() > 1e-24
 
 
@@ -376,6 +376,6 @@ def test_scenes_without_numbers_are_refused():
 
 
 def test_scenes_with_too_many_terms_are_refused(monkeypatch):
-    monkeypatch.setattr(taylor_program, "MAX_OPERATIONS", 100)
+    monkeypatch.setattr(taylor_series, "MAX_OPERATIONS", 100)
     with pytest.raises(IntegratorError, match="must take at most 100 operations for its Taylor series, but takes more"):
         reference_solution(scene("outer-solar-system"), 1)

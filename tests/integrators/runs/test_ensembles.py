@@ -18,8 +18,7 @@ import pytest
 import integrators.runs.ensembles
 from integrators import IntegratorError, Scene, scene
 from integrators.runs.ensemble_results import load_ensemble, member_statistics, merged_pairwise
-from integrators.runs.ensembles import Members, ensemble, member_generator
-from integrators.runs.executors import cluster_executor, results_in_order
+from integrators.runs.ensembles import Members, cluster_executor, ensemble, member_generator, results_in_order
 from integrators.runs.integration import integrate
 from integrators.runs.random_starts import perturbed_start, thermal_momenta
 

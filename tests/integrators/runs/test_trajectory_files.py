@@ -15,7 +15,7 @@ from integrators import IntegratorError, scene
 from integrators.core import stored_arrays
 from integrators.runs.integration import integrate
 from integrators.runs.trajectory import Trajectory, load_trajectory
-from integrators.scenes.files import loads_scene
+from integrators.scenes.text import loads_scene
 
 PENDULUM = scene("pendulum")
 OPTIONS = {"h": 0.1, "steps": 103, "save_every": 10, "observe": ["energy", {"double energy": "energy"}]}

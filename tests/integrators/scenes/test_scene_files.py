@@ -12,7 +12,7 @@ import sympy
 
 from integrators import Effect, IntegratorError, Scene, Term, load_scene, save_scene, scene, scene_catalogue
 from integrators.core.text_files import MAX_BYTES
-from integrators.scenes.files import loads_scene
+from integrators.scenes.text import loads_scene
 
 PENDULUM = """
 name = "pendulum"

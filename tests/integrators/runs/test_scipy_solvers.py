@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from integrators import IntegratorError, RungeKutta, Scene, catalogue, method, scene
-from integrators.bindings.scipy_bridge import right_hand_side, scipy_solver
+from integrators.runs.scipy_solvers import right_hand_side, scipy_solver
 
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
@@ -248,7 +248,6 @@ def test_all_pairs_of_the_catalogue_are_in_these_tests():
 
 def test_without_scipy_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
-    monkeypatch.delitem(sys.modules, "integrators.bindings.scipy_pairs", raising=False)
     with pytest.raises(ImportError, match=r"pip install '\.\[scipy\]' in the clone"):
         scipy_solver(method("tsit5"))
 

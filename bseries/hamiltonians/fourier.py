@@ -12,30 +12,19 @@ from typing import Any
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.polynomials import Element
+from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.polynomials import Element
 
-MOST_POWER = 50
-"""Higher powers of trigonometric polynomials raise an error."""
+MOST_POWER = 50  # higher powers of trigonometric polynomials raise an error
 
 DIGITS = 100
-POINTS = 3
-"""A coefficient that vanishes to this number of digits at this number of points is zero."""
+POINTS = 3  # a coefficient that vanishes to this number of digits at this number of points is zero
 
-Mode = tuple[int, ...]
-"""The integers k of a wave e^(ik·θ)."""
+Mode = tuple[int, ...]  # the integers k of a wave e^(ik·θ)
 
 
 class FourierRing(DifferentialRing):
-    """Ring of functions of actions and angles that contains given Fourier polynomials and all their derivatives.
-
-    Example:
-        >>> import sympy
-        >>> a, theta = sympy.symbols("a theta")
-        >>> ring = FourierRing([sympy.sqrt(a) * sympy.sin(theta) ** 3], [a], [theta])
-        >>> ring.waves_expression(ring.read(sympy.sqrt(a) * sympy.sin(theta) ** 3))
-        3*sqrt(a)*sin(theta)/4 - sqrt(a)*sin(3*theta)/4
-    """
+    """Ring of functions of actions and angles that contains given Fourier polynomials and all their derivatives."""
 
     def __init__(
         self,
@@ -52,16 +41,15 @@ class FourierRing(DifferentialRing):
         self._unit = self.element(sympy.I)
         [self._i] = self._unit.generators
         self.add_relation(self._unit * self._unit + 1)
-        self._waves = [self._add_waves(j) for j in range(len(self.angles))]
-
-    def _add_waves(self, j: int) -> tuple[int, int]:
-        """Add the generators e^(iθ_j) and e^(−iθ_j)."""
-        place, zero = len(self.actions) + j, self.zero
-        z = self.add_function(
-            sympy.exp(sympy.I * self.angles[j]), lambda i: self._unit * self.generator(z) if i == place else zero
-        )
-        [inverse] = self.raised(self.generator(z), Fraction(-1)).generators
-        return z, inverse
+        self._waves: list[tuple[int, int]] = []  # the generators e^(iθ_j) and e^(−iθ_j)
+        for place, angle in enumerate(self.angles, len(self.actions)):
+            z = len(self.generators)
+            self.add_function(
+                sympy.exp(sympy.I * angle),
+                lambda i, j=place, z=z: self._unit * self.generator(z) if i == j else self.zero,
+            )
+            [inverse] = self.raised(self.generator(z), Fraction(-1)).generators
+            self._waves.append((z, inverse))
 
     def _leaves(self, formula: Any) -> Iterator[Any]:
         """The largest parts of a formula without angles."""
@@ -101,14 +89,12 @@ class FourierRing(DifferentialRing):
 
     def wave(self, k: Mode) -> tuple[Element, Element]:
         """cos k·θ and sin k·θ."""
-        forth, back = (self._exponential_wave([sign * n for n in k]) for sign in (1, -1))
-        half = Fraction(1, 2)
+        half, found = Fraction(1, 2), []
+        for sign in (1, -1):  # e^(±ik·θ)
+            powers = ((pair[sign * n < 0], abs(n)) for pair, n in zip(self._waves, k, strict=True) if n)
+            found.append(self.from_terms({tuple(sorted(powers, reverse=True)): 1}))
+        forth, back = found
         return (forth + back) * half, (back - forth) * self._unit * half
-
-    def _exponential_wave(self, k: Sequence[int]) -> Element:
-        """e^(ik·θ)."""
-        powers = ((pair[n < 0], abs(n)) for pair, n in zip(self._waves, k, strict=True) if n)
-        return self.from_terms({tuple(sorted(powers, reverse=True)): 1})
 
     def modes(self, f: Element) -> dict[Mode, tuple[Element, Element]]:
         """The coefficients c_k and s_k of a real f = Σ c_k cos k·θ + s_k sin k·θ, with one k of each pair ±k."""

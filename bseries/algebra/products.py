@@ -1,4 +1,8 @@
-"""Substitution of a field into a method or a series, its inverse, and modifying integrators.
+"""Products of series: composition and Lie derivatives, substitution and its inverse, and modifying integrators.
+
+exp b = Σ ∂_b^j id / j!, and log is solved from it order by order. compose(a, c) = Σ ∂_{log a}^j c / j!, since the flow
+of log a is a; inverse and powers follow (HLW, lemma IX.9.1). The cost is n² per tree with n nodes; sums over subtrees
+are exponential.
 
 Substitution into a method composes the field with the series of each stage (see `bseries.exact.kernels`):
 n² operations per tree and stage, and restricted tables are closed. Substitution into a series is a sum over all
@@ -13,27 +17,98 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits
+from bseries.algebra import stages as inputs
+from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits, result_of
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
-from bseries.algebra.stages import (
-    MethodStages,
-    RationalStages,
-    auxiliary_colors,
-    check_method,
-    in_one_domain,
-    stages_in_field,
-)
+from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import alike, apply, ring_element
-from bseries.exact.operations import Operation
-from bseries.exact.rationals import RationalValues, twos
-from bseries.exact.recursions import solved_denominators, substituted_denominators
+from bseries.exact.rationals import Operation, RationalValues, twos
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
+
+
+def compose(a: BSeries, c: BSeries) -> BSeries:
+    """Composition of two maps: first a, then c.
+
+    B(compose(a, c), y) = B(c, B(a, y)), the product a · c of HLW and Butcher.
+
+    Args:
+        a: A flow, applied first.
+        c: A flow, or any series (a field c gives c evaluated at the image of a).
+
+    Raises:
+        SeriesError: a(∅) is not 1, or the trees differ.
+
+    Example:
+        Half a step of the implicit and half a step of the explicit Euler method give the midpoint rule:
+
+        >>> import bseries as bs
+        >>> from fractions import Fraction
+        >>> half = Fraction(1, 2)
+        >>> implicit = bs.series(bs.method("implicit-euler"), 5).scale_step(half)
+        >>> explicit = bs.series(bs.method("explicit-euler"), 5).scale_step(half)
+        >>> compose(implicit, explicit) == bs.series(bs.method("implicit-midpoint"), 5)
+        True
+
+    References:
+        HLW, theorem III.1.10 (there by ordered subtrees).
+    """
+    check_flow(a, "a")
+    if not isinstance(c, BSeries):
+        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
+        return a * c.empty + compose(a, c.with_empty(0))
+
+    def expression(arithmetic: Any, first: Any, second: Any) -> Any:
+        field = recursions.logarithm(first(field=True), a.table, arithmetic)
+        return recursions.lie_series(field, second(field=False), c.empty, a.table, arithmetic)
+
+    bounds = None
+    if isinstance(a.stored, RationalValues) and isinstance(c.stored, RationalValues):
+        # At most 2^n ordered subtrees, each with a product of at most 2^(κ n).
+        growth = max(a.stored.growth, c.stored.growth)
+        bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
+    return result_of(Operation(expression, bounds=bounds), c.empty, a, c)
+
+
+def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
+    """Lie derivative ∂_b c of the series c along the field b.
+
+    (∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), summed over the edges of τ, each cut into trunk and branch.
+
+    Args:
+        b: A field.
+        c: Any series.
+
+    Raises:
+        SeriesError: b(∅) is not 0, or the trees differ.
+
+    Example:
+        >>> import bseries as bs
+        >>> f = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 3, empty=0)
+        >>> second = lie_derivative(f, f)
+        >>> [str(tree) for tree, value in second.items() if value]
+        ['[τ]']
+
+    References:
+        HLW, lemma IX.9.1.
+    """
+    check_field(b, "b")
+    if not isinstance(c, BSeries):
+        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    if c.empty not in (0, 1):
+        return b * c.empty + lie_derivative(b, c.with_empty(0))
+
+    def expression(arithmetic: Any, field: Any, base: Any) -> Any:
+        once = arithmetic.factors([0, 1] + [0] * b.order)
+        return recursions.lie_series(field(field=True), base(field=False), c.empty, b.table, arithmetic, weights=once)
+
+    return result_of(Operation(expression, field=True), 0, b, c)
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -68,18 +143,17 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
     check_field(b, "b")
     if isinstance(a, BSeries):
         return _into_series(b, a)
-    method = check_method(a)
+    method = inputs.check_method(a)
     if b.names != method.names:
         raise SeriesError(f"b must have the colours of the method, {_listed(method.names)}, but has {_listed(b.names)}")
     _check_memory(b.table, method)
-    stages, (values,) = in_one_domain(method, b.order, [b.stored])
+    stages, (values,) = inputs.in_one_domain(method, b.order, [b.stored])
 
     def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
         return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
 
-    operation = _operation(expression, _denominators_after(values, stages), _bounds_after(values, stages))
     digits = [x for x in (b.digits, method.digits) if x is not None]
-    result = apply(b.table, [values, stages], operation)
+    result = apply(b.table, [values, stages], _substitution(expression, values, stages))
     return BSeries(b.table, result, 1, names=b.names, digits=min(digits, default=None))
 
 
@@ -91,7 +165,7 @@ def _into_series(b: BSeries, a: BSeries) -> BSeries:
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
         return recursions.into_series(base(field=False), b.table, arithmetic, field=field(field=True))
 
-    operation = _operation(expression, _denominators_after(first, second), _bounds_after(first, second))
+    operation = _substitution(expression, first, second)
     if isinstance(second, RationalValues):
         integers = _integers(first.denominators, second.denominators)
         operation = operation._replace(units=1 if integers else 2, integers=integers)
@@ -105,15 +179,12 @@ def modifying_integrator(
     """Modifying integrator: the field for which the method gives the exact solution of y' = f(y).
 
     With b the result, the method applied to y' = f_h(y) = Σ_τ h^(|τ|−1) / σ(τ) · b(τ) F(τ)(y) is formally the exact
-    flow of f; with the series truncated it is a method of higher order.
+    flow of f, substitute(b, method) = exact_flow; with the series truncated it is a method of higher order.
 
     Args:
         method: A method, or any flow series.
         order: Largest number of nodes N. For a method also a table of trees; for a series by default its own order.
         max_children: Which trees to include, as for `trees.TreeTable`.
-
-    Returns:
-        The field b with substitute(b, method) = exact_flow.
 
     Raises:
         SeriesError: `method` is neither a method nor a flow; its weights sum to 0 for some part of the field; it has
@@ -136,11 +207,11 @@ def modifying_integrator(
         check_flow(a, "method")
         return _solve(a, exact_values(a.table), "method").with_label(a.label, "modifying")
     table = table_of(method, order, max_children)
-    for color in auxiliary_colors(method):
+    for color in inputs.auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
     operation = partial(_modifying_operation, method, table)
-    found = of_method(method, table, operation, 0, stages_in_field(method, table.max_order))
+    found = of_method(method, table, operation, 0, inputs.stages_in_field(method, table.max_order))
     return found.with_label(method.name, "modifying")
 
 
@@ -153,20 +224,12 @@ def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages)
         exact = target.load(table, arithmetic, field=True)
         return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
 
-    def denominators(step: int) -> tuple[int, ...]:
-        powers = tuple(step**n for n in range(table.max_order + 1))
-        return solved_denominators(powers, target.denominators, _numerators(sums))
-
-    integers = stages.integers if isinstance(stages, RationalStages) and _numerators(sums) % 2 else None
-    return Operation(
-        expression,
-        lambda n, step: denominators(step)[n],
-        lambda _, step: math.lcm(*denominators(step)),
-        field=True,
-        units=1 if integers else 2,
-        avoid=_numerators(sums),
-        integers=integers,
-    )
+    is_rational = isinstance(stages, RationalStages)
+    numerators = _numerators(sums)
+    powers = tuple(stages.step**n if is_rational else 1 for n in range(table.max_order + 1))
+    operation = _operation(expression, recursions.solved_denominators(powers, target.denominators, numerators))
+    integers = stages.integers if is_rational and numerators % 2 else None
+    return operation._replace(units=1 if integers else 2, avoid=numerators, integers=integers)
 
 
 def substitution_inverse(b: BSeries) -> BSeries:
@@ -200,7 +263,7 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     """The field b with b ★ a = target."""
     _check_all_trees(a, name)
     values: Any = a.stored.reduced
-    roots = [values.elements[c] if values.kind == "ring" else values[c] for c in range(a.table.colors)]
+    roots = [values.raw[c] if values.kind == "ring" else values[c] for c in range(a.table.colors)]
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 
     def expression(arithmetic: Any, base: Any) -> Any:
@@ -208,7 +271,7 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
     skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
-    denominators = solved_denominators(skeletons, target.denominators, _numerators(roots))
+    denominators = recursions.solved_denominators(skeletons, target.denominators, _numerators(roots))
     operation = _operation(expression, denominators)._replace(avoid=_numerators(roots))
     result = apply(a.table, [values], operation)
     return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
@@ -221,12 +284,15 @@ def _operation(expression: Any, denominators: Sequence[int], bounds: Sequence[fl
     )
 
 
-def _bounds_after(b: Any, a: Any) -> list[float] | None:
-    """Bounds on b ★ a: at most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b."""
+def _substitution(expression: Any, b: Any, a: Any) -> Operation:
+    """The operation that gives b ★ a; only rational values need bounds."""
     if not isinstance(b, RationalValues):
-        return None
-    growth = a.growth + b.growth + 1
-    return [growth * n - 1 for n in range(1, b.table.max_order + 1)]
+        return _operation(expression, ())
+    orders = range(b.table.max_order + 1)
+    skeletons = tuple(a.step**n for n in orders) if isinstance(a, RationalStages) else a.denominators
+    # At most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b.
+    bounds = [(a.growth + b.growth + 1) * n - 1 for n in orders[1:]]
+    return _operation(expression, recursions.substituted_denominators(skeletons, b.denominators), bounds)
 
 
 def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | None:
@@ -236,17 +302,6 @@ def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | 
     offset = max((-(-twos(d) // (m - 1)) for m, d in enumerate(skeletons) if m > 1), default=0)
     slope = max(-(-(twos(d) + offset) // n) for n, d in enumerate(parts) if n > 0)
     return wrapped_parts(slope, offset)
-
-
-def _denominators_after(b: Any, a: Any) -> tuple[int, ...]:
-    """Denominator bounds for b ★ a; only rational values need them."""
-    if not isinstance(b, RationalValues):
-        return ()
-    if isinstance(a, RationalStages):
-        skeletons = tuple(a.step**n for n in range(b.table.max_order + 1))
-    else:
-        skeletons = a.denominators
-    return substituted_denominators(skeletons, b.denominators)
 
 
 def _inverses(sums: Sequence[Any], domain: Any, what: str, names: Sequence[str]) -> list[Any]:

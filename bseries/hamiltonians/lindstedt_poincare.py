@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import chain
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -24,12 +24,11 @@ import numpy as np
 import sympy
 
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import MOST_MONOMIALS, Composition, PowerSeries
 from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS
-from bseries.fields.symbolic.polynomials import Element, TooLarge
-from bseries.fields.symbolic.power_series import Composition, PowerSeries
-from bseries.hamiltonians.action_angle.coordinate_change import continued, read_pair
-from bseries.hamiltonians.action_angle.fourier import FourierRing, Mode
+from bseries.fields.polynomials import Element, TooLarge
+from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
+from bseries.hamiltonians.fourier import FourierRing, Mode
 from integrators.core.arguments import items
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, check_symbols
@@ -62,7 +61,7 @@ class Elimination:
             )
         d = len(ring.actions)
         self._frequencies = [ring.derivative(terms[0], i) for i in range(d)]
-        self._reciprocal = cache(self._find_reciprocal)
+        self._reciprocals: dict[Mode, Element | None] = {}
         self.generating, self.normal = [ring.zero], [terms[0]]
         self.denominators: dict[Mode, Denominator] = {}
         self.resonances: dict[Mode, int] = {}
@@ -91,7 +90,7 @@ class Elimination:
             cosine, sine = ring.wave(k)
             reciprocal = self._reciprocal(k) if any(k) else None
             if reciprocal is not None:
-                self.denominators.setdefault(k, Denominator(self._denominator(k), order))
+                self.denominators.setdefault(k, Denominator(ring.dot(zip(k, self._frequencies, strict=True)), order))
                 generating += [(s * reciprocal, cosine), (-c * reciprocal, sine)]
             elif k == ring.constant or not (ring.is_zero(c) and ring.is_zero(s)):
                 normal += [(c, cosine), (s, sine)]
@@ -105,27 +104,19 @@ class Elimination:
         self.generating.append(ring.dot(generating))
         self.normal.append(ring.dot(normal))
 
-    def _denominator(self, k: Mode) -> Element:
-        """The denominator k·ω(b)."""
-        return self.ring.dot(zip(k, self._frequencies, strict=True))
-
-    def _find_reciprocal(self, k: Mode) -> Element | None:
+    def _reciprocal(self, k: Mode) -> Element | None:
         """1/(k·ω(b)); None for a resonance."""
         common = math.gcd(*k)
-        if common > 1:
-            reduced = self._reciprocal(tuple(n // common for n in k))
-            return None if reduced is None else reduced * Fraction(1, common)
-        value = self._denominator(k)
-        return None if self.ring.is_zero(value) else self.ring.reciprocal(value)
+        coprime = tuple(n // common for n in k)
+        if coprime not in self._reciprocals:
+            value = self.ring.dot(zip(coprime, self._frequencies, strict=True))
+            self._reciprocals[coprime] = None if self.ring.is_zero(value) else self.ring.reciprocal(value)
+        reciprocal = self._reciprocals[coprime]
+        return reciprocal if common == 1 or reciprocal is None else reciprocal * Fraction(1, common)
 
 
 class SmallDenominator(NamedTuple):
-    """Denominator k·ω at a point: k, the first order in ε at which it occurs, and its value.
-
-    Example:
-        >>> SmallDenominator((3, -2), 3, 0.26).k
-        (3, -2)
-    """
+    """Denominator k·ω at a point: k, the first order in ε at which it occurs, and its value."""
 
     k: tuple[int, ...]
     order: int
@@ -147,7 +138,7 @@ class NormalForm:
 
     Example:
         >>> import bseries as bs
-        >>> from bseries.hamiltonians.action_angle.lindstedt_poincare import lindstedt_poincare
+        >>> from bseries.hamiltonians.lindstedt_poincare import lindstedt_poincare
         >>> H = "a1^2/2 + sqrt(2)*a2 + eps*cos(theta1 - theta2)"
         >>> rotors = bs.Scene({"a": 2, "theta": 2}, hamiltonian=H, parameters={"eps": "1/100"})
         >>> form = lindstedt_poincare(rotors, 2)
@@ -177,10 +168,11 @@ class NormalForm:
             SeriesError: The power is out of range.
         """
         check_power(k, self.order, self.parameter)
-        return self._hamiltonians[k]
+        return self.terms[k]
 
     @cached_property
-    def _hamiltonians(self) -> list[sympy.Expr]:
+    def terms(self) -> list[sympy.Expr]:
+        """The terms of the new Hamiltonian by power of ε."""
         return [self._elimination.ring.waves_expression(term) for term in self._elimination.normal]
 
     def expression(self, eps: Any) -> sympy.Expr:
@@ -189,7 +181,7 @@ class NormalForm:
         Raises:
             SeriesError: `eps` is neither a number nor an expression.
         """
-        return power_sum(self._hamiltonians, eps, self.parameter)
+        return power_sum(self.terms, eps, self.parameter)
 
     def generating_function(self, k: int) -> sympy.Expr:
         """The term S_k(b, θ) of the generating function with ε^k; S_0 = 0.
@@ -294,7 +286,7 @@ class NormalForm:
         return f"<NormalForm of {self.scene.name} through {self.parameter}^{self.order}>"
 
     def __str__(self) -> str:
-        rows = (f"{self.parameter}^{k:<3} {term}" for k, term in enumerate(self._hamiltonians))
+        rows = (f"{self.parameter}^{k:<3} {term}" for k, term in enumerate(self.terms))
         return "\n".join([f"normal form of {self.scene.name}", *rows])
 
     def to_dict(self) -> dict[str, Any]:
@@ -309,7 +301,7 @@ class NormalForm:
             "angles": list(map(str, self.angles)),
             "terms": [
                 {"power": k, "hamiltonian": str(term), "generating_function": str(self.generating_function(k))}
-                for k, term in enumerate(self._hamiltonians)
+                for k, term in enumerate(self.terms)
             ],
             "denominators": [
                 {"k": list(k), "order": self._elimination.denominators[k].order, "denominator": str(formula)}
@@ -413,8 +405,34 @@ def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Seque
     return found
 
 
-LARGEST_ARRAY = 2**18
-"""The number of coefficients that are computed at a time: arrays of two megabytes."""
+CONTINUATIONS = (1, 8, 64)
+"""The numbers of steps of the continuation, tried in this order: of 2,000 points near a small denominator, 75 would
+reach another solution without, and 45 with 8 steps at most."""
+
+
+def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
+    """Solve x + g(x) = origin at each row, for the solution that continues the identity; nan where that fails.
+
+    The equations have other solutions far away. The wanted one is followed in x + s·g(x) = origin from s = 0 to 1, with
+    Newton steps that at least halve (P. Deuflhard, *Newton Methods for Nonlinear Problems*, section 5.1). If a
+    continuation fails, one with more steps is tried; in the end, plain Newton steps.
+    """
+    x, identity = np.full_like(origin, np.nan), np.eye(origin.shape[1])
+    for count, growth in [*((count, 0.5) for count in CONTINUATIONS), (1, np.inf)]:
+        rest = np.flatnonzero(np.isnan(x).any(axis=1))
+        found = origin[rest]
+        for share in np.arange(1, count + 1) / count:
+
+            def equations(z: np.ndarray, k: np.ndarray, share: Any = share, at: np.ndarray = rest) -> Any:
+                value, matrix = shift(z, at[k])
+                return z + share * value - origin[at[k]], identity + share * matrix
+
+            found = newton(equations, found, growth)
+        x[rest] = found
+    return x
+
+
+LARGEST_ARRAY = 2**18  # the number of coefficients that are computed at a time: arrays of two megabytes
 
 
 @float_kernel
@@ -439,8 +457,6 @@ class NormalFormMaps:
     """
 
     def __init__(self, elimination: Elimination):
-        import sympy
-
         ring, size = elimination.ring, len(elimination.ring.actions)
         found = [
             [ring.modes(ring.derivative(term, i - 1) if i else term) for term in elimination.generating]

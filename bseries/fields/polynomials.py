@@ -1,4 +1,8 @@
-"""Generators of a ring of functions, with their derivatives and relations.
+"""Polynomials with rational coefficients in a growing list of generators, modulo relations, by python-flint.
+
+Monomials are ordered lexicographically, the newest generator first. A relation such as s² = 1 − c² rewrites its
+leading monomial. The relations are a Gröbner basis, and remainders are a canonical form, if the leading monomials have
+no generator in common (Buchberger's first criterion).
 
 | generators | relations | derivatives |
 |---|---|---|
@@ -17,19 +21,92 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
-from functools import lru_cache
-from typing import Any, NamedTuple
+from functools import cache, lru_cache
+from typing import Any, NamedTuple, TypeAlias
 
+import flint
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.polynomials import Element, Monomial, Number, PolynomialRing, TooLarge
-from integrators.core.errors import shorten
+
+Number: TypeAlias = int | Fraction
+Monomial: TypeAlias = tuple[tuple[int, int], ...]
+"""Pairs (generator, exponent), the newest generator first; the order of tuples is that of monomials."""
+
+WORD = 8  # python-flint stores the exponents of eight generators in one word
+
+PART = 4  # products of more than this multiple of the limit of monomials are computed monomial by monomial
+
 
 MOST_POWER = 1_000
 MOST_MONOMIALS_OF_A_POWER = 10_000
+
+
+class TooLarge(Exception):
+    """A polynomial exceeds the limit of monomials, or a power is too large."""
+
+
+class Element:
+    """Element of a `GeneratedRing`, with + − * for elements of the same ring, ints and Fractions."""
+
+    __slots__ = ("polynomial", "ring")
+
+    def __init__(self, ring: GeneratedRing, polynomial: Any):
+        self.ring = ring
+        self.polynomial = polynomial
+
+    @property
+    def size(self) -> int:
+        """The number of monomials."""
+        return len(self.polynomial)
+
+    @property
+    def terms(self) -> dict[Monomial, Fraction]:
+        """The coefficients of all monomials, the leading one first."""
+        last = self.polynomial.context().nvars() - 1
+        return {
+            tuple((last - at, int(e)) for at, e in enumerate(monomial) if e): Fraction(int(x.p), int(x.q))
+            for monomial, x in self.polynomial.terms()
+        }
+
+    @property
+    def generators(self) -> list[int]:
+        """The indices of the generators that occur, ascending."""
+        return [k for k, e in enumerate(reversed(self.polynomial.degrees())) if e > 0]
+
+    def __bool__(self) -> bool:
+        return bool(self.polynomial)
+
+    def __add__(self, other: Element | Number) -> Element:
+        return self.ring.dot([(1, self), (1, self.ring.coerce(other))])
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Element | Number) -> Element:
+        return self.ring.dot([(1, self), (-1, self.ring.coerce(other))])
+
+    def __rsub__(self, other: Number) -> Element:
+        return self.ring.coerce(other) - self
+
+    def __neg__(self) -> Element:
+        return Element(self.ring, -self.polynomial)
+
+    def __mul__(self, other: Element | Number) -> Element:
+        return self.ring.dot([(other, self)])
+
+    __rmul__ = __mul__
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Element | int | Fraction):
+            return NotImplemented
+        return self.ring.is_zero(self - other)
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __repr__(self) -> str:
+        return f"<Element {self.polynomial!s:.60}>"
 
 
 class Root(NamedTuple):
@@ -54,23 +131,122 @@ class Quotient(NamedTuple):
     roots: dict[int, int]
 
 
-class GeneratedRing(PolynomialRing):
-    """Polynomials in functions of some variables."""
+class GeneratedRing:
+    """Polynomials in functions of some variables, modulo relations, with at most `limit` monomials."""
 
     def __init__(self, variables: Iterable[sympy.Symbol], limit: int, digits: int | None):
-        super().__init__(limit)
-        self.variables = tuple(variables)
-        self.digits = digits
-        self.generators: list[sympy.Expr] = []
-        """The expressions of the current generators."""
+        self.variables, self.limit, self.digits = tuple(variables), limit, digits
+        self.generators: list[sympy.Expr] = []  # the expressions of the current generators
         self.pairs: list[Pair] = []
+        self.indices: dict[Any, int] = {}  # the common index of the expected roots of a base
         self._roots: dict[int, Root] = {}
-        self._number_roots: dict[int, tuple[int, int]] = {}
-        """Generators p^(1/n), as (p, n)."""
-        self._exponentials: set[int] = set()
-        """Generators e^b."""
-        self.indices: dict[Any, int] = {}
-        """The common index of the expected roots of a base."""
+        self._number_roots: dict[int, tuple[int, int]] = {}  # generators p^(1/n), as (p, n)
+        self._exponentials: set[int] = set()  # generators e^b
+        self._context = _context(WORD)
+        self._relations: list[tuple[Element, dict[int, int]]] = []
+        """Polynomials that are zero, and the exponents of their leading monomials, by the place of the generator."""
+        self._derivative_rules: list[Callable[[int], Element]] = []
+        self._derivatives: dict[tuple[int, int], Element] = {}
+
+    # Elements.
+
+    @property
+    def zero(self) -> Element:
+        """The element 0."""
+        return Element(self, self._context.constant(0))
+
+    def coerce(self, value: Element | Number) -> Element:
+        """Convert a number to an element."""
+        return value if isinstance(value, Element) else Element(self, self._context.constant(_number(value)))
+
+    def from_terms(self, terms: Mapping[Monomial, Number]) -> Element:
+        """The element with these coefficients, not reduced by the relations."""
+        last = self._context.nvars() - 1
+        rows: dict[tuple[int, ...], Any] = {}
+        for monomial, x in terms.items():
+            row = [0] * (last + 1)
+            for k, e in monomial:
+                row[last - k] = e
+            rows[tuple(row)] = _number(x)
+        return Element(self, self._context.from_dict(rows))
+
+    def generator(self, k: int, exponent: int = 1) -> Element:
+        """The k-th generator, or a power of it that no relation reduces."""
+        return self.from_terms({((k, exponent),): 1})
+
+    def add_function(self, expression: sympy.Expr, derivative: Callable[[int], Element]) -> int:
+        """Add a generator; derivative(i) is that with respect to the i-th variable. Returns its index."""
+        if len(self.generators) == self._context.nvars():
+            self._context = _context(len(self.generators) + WORD)
+        self.generators.append(expression)
+        self._derivative_rules.append(derivative)
+        return len(self.generators) - 1
+
+    def add_relation(self, zero: Element) -> None:
+        """Add a polynomial that is zero; its leading monomial must have a generator that no other polynomial has."""
+        self._relations.append((zero, dict(next(iter(zero.terms)))))
+
+    # Arithmetic.
+
+    def dot(self, pairs: Iterable[tuple[Element | Number, Element]]) -> Element:
+        """A sum of products in normal form; a linear combination is left as it is."""
+        factors = list(pairs)  # first, since it may add generators
+        total, is_linear = self._context.constant(0), True
+        for a, b in factors:
+            if not isinstance(a, Element):
+                total += self._current(b) * _number(a)
+                continue
+            is_linear = False
+            left, right = self._current(a), self._current(b)
+            for part in (left,) if len(left) * len(right) <= PART * self.limit else _parts(left):
+                total += part * right
+                if len(total) > self.limit:
+                    raise TooLarge
+        return Element(self, total) if is_linear else self._reduced(total)
+
+    def power(self, element: Element, n: int) -> Element:
+        """The n-th power, n ≥ 0."""
+        result = self.coerce(1)
+        for digit in f"{n:b}":
+            result = result * result * element if digit == "1" else result * result
+        return result
+
+    def derivative(self, element: Element, i: int) -> Element:
+        """The derivative with respect to the i-th variable."""
+        inner = [(k, d) for k in element.generators if (d := self.generator_derivative(k, i))]
+        polynomial, last = self._current(element), self._context.nvars() - 1
+        return self.dot((Element(self, polynomial.derivative(last - k)), d) for k, d in inner)
+
+    def generator_derivative(self, k: int, i: int) -> Element:
+        """The derivative of a generator."""
+        if (k, i) not in self._derivatives:
+            self._derivatives[k, i] = self._derivative_rules[k](i)
+        return self._derivatives[k, i]
+
+    def _current(self, element: Element) -> Any:
+        """The polynomial of an element of this ring, in the present context."""
+        if element.ring is not self:
+            raise SeriesError("elements must be of one ring, but one was of another")
+        if element.polynomial.context() is not self._context:
+            element.polynomial = element.polynomial.project_to_context(self._context)
+        return element.polynomial
+
+    def _reduced(self, polynomial: Any) -> Element:
+        """The normal form."""
+        if len(self._relations) == 1:  # one remainder is the normal form
+            polynomial = polynomial % self._current(self._relations[0][0])
+        before = polynomial if len(self._relations) < 2 else None
+        while polynomial != before:
+            if len(polynomial) > self.limit:
+                raise TooLarge
+            before, degrees = polynomial, polynomial.degrees()[::-1]
+            for zero, leading in self._relations:
+                if all(degrees[k] >= e for k, e in leading.items()):  # otherwise no monomial is a multiple
+                    polynomial = polynomial % self._current(zero)
+                    degrees = polynomial.degrees()[::-1]
+        if len(polynomial) > self.limit:
+            raise TooLarge
+        return Element(self, polynomial)
 
     def expression(self, element: Element) -> sympy.Expr:
         """The SymPy expression of a polynomial, expanded."""
@@ -87,11 +263,6 @@ class GeneratedRing(PolynomialRing):
         return exact.evalf(self.digits)
 
     # New generators.
-
-    def add_function(self, expression: sympy.Expr, derivative: Callable[[int], Element]) -> int:
-        """Add a generator without relations; derivative(i) is taken with respect to the i-th variable."""
-        self.generators.append(expression)
-        return self.add_generator(derivative)
 
     def add_exponential(self, expression: sympy.Expr, argument: Element) -> int:
         """Add the generator e^b."""
@@ -173,8 +344,11 @@ class GeneratedRing(PolynomialRing):
     def _cancelled(self, numerator: Element, k: int, roots: dict[int, int]) -> Quotient:
         """Cancel the base of the k-th generator in a numerator as often as possible."""
         base, degree = self._roots[k]
-        while numerator and roots[k] > 0 and (quotient := self.divided(numerator, base)) is not None:
-            numerator, roots[k] = quotient, roots[k] - degree
+        while numerator and roots[k] > 0:
+            quotient, rest = divmod(self._current(numerator), self._current(base))
+            if rest:
+                break
+            numerator, roots[k] = Element(self, quotient), roots[k] - degree
         return Quotient(numerator, {root: e for root, e in roots.items() if e})
 
     # Powers.
@@ -207,11 +381,9 @@ class GeneratedRing(PolynomialRing):
         else:
             [(monomial, number)] = numerator.terms.items()
             rest, parts = self.coerce(number**-power), {**roots, **dict(reversed(monomial))}
-        return math.prod((self._inverse_power(k, e * power) for k, e in parts.items()), start=rest)
-
-    def _inverse_power(self, k: int, power: int) -> Element:
-        """One over a power of a generator."""
-        return self._whole_power(self._inverse(k), power) if power > 0 else self.generator(k, -power)
+        powers = ((k, e * power) for k, e in parts.items())
+        factors = (self._whole_power(self._inverse(k), e) if e > 0 else self.generator(k, -e) for k, e in powers)
+        return math.prod(factors, start=rest)
 
     def _whole_power(self, element: Element, power: int) -> Element:
         if power > MOST_POWER or math.comb(power + element.size - 1, power) > MOST_MONOMIALS_OF_A_POWER:
@@ -262,12 +434,17 @@ def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
 
 
-def check_smooth(formula: sympy.Expr) -> None:
-    """Refuse compiled functions, and abs, sign or where: a series holds on either side only, and a step may cross."""
-    from integrators.exact.branches import Branching
-    from integrators.scenes.model.black_boxes import check_formulas
+def _parts(polynomial: Any) -> Iterator[Any]:
+    """The monomials of a polynomial, for products that may exceed the limit long before they are done."""
+    for monomial, x in polynomial.terms():
+        yield polynomial.context().from_dict({monomial: x})
 
-    check_formulas([formula], "a series")
-    found = min(map(str, formula.atoms(Branching)), default="")
-    if found:
-        raise SeriesError(f"field must be smooth for a series, but has {shorten(found)}, whose derivatives jump")
+
+@cache
+def _context(size: int) -> Any:
+    """python-flint's polynomials in some generators, the last one leading."""
+    return flint.fmpq_mpoly_ctx.get([f"g{k}" for k in reversed(range(size))], flint.Ordering.lex)
+
+
+def _number(value: Number) -> Any:
+    return value if isinstance(value, int) else flint.fmpq(value.numerator, value.denominator)

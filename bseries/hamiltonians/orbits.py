@@ -14,8 +14,7 @@ from integrators.core.errors import IntegratorError
 from integrators.reference.solution import first_step, reference_solution
 from integrators.scenes.scene import Scene
 
-DIGITS = 15
-"""Digits of accuracy of means."""
+DIGITS = 15  # digits of accuracy of means
 WORKING_DIGITS = 30
 LEAST_POINTS, MOST_POINTS = 64, 2**14
 """Points of the first and of the last trapezoidal sum; each further sum has twice as many."""
@@ -26,13 +25,6 @@ def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
 
     `samples` gives the values at n equidistant points of a period, as numbers of mpmath. The mean is 0 if it is below
     10^−15 of the mean of absolute values.
-
-    Example:
-        >>> import mpmath
-        >>> f = lambda x: 1 / (2 + mpmath.cos(x))
-        >>> mean = mean_of_samples(lambda n: [f(2 * mpmath.pi * j / n) for j in range(n)])
-        >>> print(mpmath.nstr(mean * mpmath.sqrt(3), 15))
-        1.0
     """
     with mpmath.workdps(WORKING_DIGITS):
         points, before = LEAST_POINTS, None
@@ -50,8 +42,7 @@ GRID = 256
 """Number of times in a window at which a return is sought: at least half as many per period in the last window."""
 FIRST_WINDOW, MOST_DOUBLINGS = 1 / 64, 16
 """First window, as a part of the shortest possible period, and most doublings of it."""
-STEP_DIGITS = 15
-"""Digits of a Taylor step, which is another bound of the first window."""
+STEP_DIGITS = 15  # digits of a Taylor step, which is another bound of the first window
 CORRECTIONS, CLOSED = 7, 1e-20
 """Newton steps from a guess of few digits to 30, and the part of the orbit's size within which it then closes."""
 CERTAIN, AT_REST = 1e-15, 1e-13
@@ -94,20 +85,10 @@ class Orbit(NamedTuple):
 def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.Expr]) -> Orbit:
     """The closed orbit of a scene of two variables through a point, followed by Taylor series.
 
-    No period is shorter than 2π/L, L being the Lipschitz constant of the field, in any units of the variables. The
-    first window of time is a part of that, with L at the start in the units that make it least, or a step of the Taylor
-    series if L is much larger elsewhere on the orbit. Windows are doubled until one contains a return.
-
-    `periods` are those of angles, by index of the variable.
-
-    Example:
-        >>> import bseries as bs, mpmath
-        >>> orbit = closed_orbit(bs.scene("pendulum"), (0.0, 1.0), {})
-        >>> orbit.kind, abs(orbit.period - 4 * mpmath.ellipk(mpmath.sin(0.5) ** 2)) < 1e-14
-        ('oscillating', True)
-
-    References:
-        J. A. Yorke, Proc. Amer. Math. Soc. 22 (1969) 509–512, doi:10.1090/S0002-9939-1969-0245916-7.
+    No period is shorter than 2π/L, L being the Lipschitz constant of the field, in any units of the variables (J. A.
+    Yorke, Proc. Amer. Math. Soc. 22 (1969) 509–512). The first window of time is a part of that, with L at the start in
+    the units that make it least, or a step of the Taylor series if L is much larger elsewhere on the orbit. Windows are
+    doubled until one contains a return. `periods` are those of angles, by index of the variable.
     """
     start = np.array(y0)
     field, window = _first_window(scene, start)
@@ -195,14 +176,10 @@ def _displacement(
 
 
 BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
-BLOCKS = 32
-"""Number of blocks of a trajectory for the standard error."""
-HALVINGS = 4
-"""Number of times that blocks are halved, for the growth of the variance with time."""
-SIGNIFICANT = 4.0
-"""Number of standard errors that is significant."""
-MOST_OF_ALL = 0.7
-"""Largest part of a block in the sum of squares of a stationary rate."""
+BLOCKS = 32  # number of blocks of a trajectory for the standard error
+HALVINGS = 4  # number of times that blocks are halved, for the growth of the variance with time
+SIGNIFICANT = 4.0  # number of standard errors that is significant
+MOST_OF_ALL = 0.7  # largest part of a block in the sum of squares of a stationary rate
 STEEPEST = 1.5
 """Largest growth exponent of variances (2 for a linear drift); above it correlations are longer than blocks."""
 
@@ -212,15 +189,6 @@ class RateStatistics(NamedTuple):
 
     Over times that are longer than correlations last, W has the mean m t and the variance c + 2 D t: c comes from the
     part of r that is a derivative of a bounded function, and D from what is left.
-
-    Example:
-        >>> import numpy as np
-        >>> white = np.random.default_rng(1).standard_normal(2**15)
-        >>> wave = np.cos(np.arange(2**15))
-        >>> [rate_statistics(rates, 0.01).kind for rates in (white, wave, white + 0.1, wave + 0.1)]
-        ['square-root drift', 'bounded', 'linear drift', 'linear drift']
-        >>> 0.7 < rate_statistics(white, 0.01).diffusion / (0.01 / 2) < 1.4
-        True
     """
 
     time: float  # the length of the trajectory
@@ -246,10 +214,10 @@ class RateStatistics(NamedTuple):
 
 
 def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
-    """The statistics of a rate at equidistant times, dt apart.
+    """The statistics of a rate at equidistant times, from averages over blocks.
 
     References:
-        H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480 (block averages).
+        H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480.
     """
     least = BLOCKS * 2**HALVINGS
     if len(rates) < least:

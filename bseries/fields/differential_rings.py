@@ -1,4 +1,4 @@
-"""Differential rings: formulas as polynomials in generators closed under differentiation.
+"""Differential rings: formulas as polynomials in generators closed under differentiation, and power series over them.
 
 With generators such as sin q, cos q, 1/g, √g and e^g, derivatives and products of formulas are those of polynomials,
 and equal formulas have equal normal forms without a search for simplifications.
@@ -6,13 +6,20 @@ and equal formulas have equal normal forms without a search for simplifications.
 The generators depend on all formulas together: sin q and sin 2q share those of q. So the arguments of functions with
 addition theorems are collected first; a lattice basis of them gives the basic arguments. Likewise the indices of all
 roots of a base are collected.
+
+A formula at y(h) = y_0 + h y_1 + … is a polynomial in the generators of its ring at y(h). The generators follow from
+their differential equations: if ∂g/∂y_i = D_i, again a polynomial in generators, then
+
+    n g_n = Σ_i Σ_{m=1}^n m y_{i,m} D_{i,n−m}.
+
+So no Taylor series in several variables is needed.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import reduce
@@ -21,8 +28,18 @@ from typing import Any
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.symbolic.generators import GeneratedRing, Pair, Quotient, check_smooth, prime_factors, primitive
-from bseries.fields.symbolic.polynomials import Element, Monomial, TooLarge
+from bseries.fields.inputs import check_smooth
+from bseries.fields.polynomials import (
+    Element,
+    GeneratedRing,
+    Monomial,
+    Number,
+    Pair,
+    Quotient,
+    TooLarge,
+    prime_factors,
+    primitive,
+)
 
 MOST_MONOMIALS = 1_000_000
 
@@ -31,11 +48,9 @@ HYPERBOLIC = ("sinh", "cosh", "tanh")
 FAMILIES = {**dict.fromkeys(CIRCULAR, CIRCULAR), **dict.fromkeys(HYPERBOLIC, HYPERBOLIC), "exp": ("exp",)}
 """Functions with addition theorems, and the families that share basic arguments."""
 
-MOST_MULTIPLE = 50
-"""Larger multiples of an argument count as independent, since addition theorems would be too long."""
+MOST_MULTIPLE = 50  # larger multiples of an argument count as independent, since addition theorems would be too long
 
-MOST_FACTORED = 60
-"""Polynomials with more monomials are not factored, which can take seconds."""
+MOST_FACTORED = 60  # polynomials with more monomials are not factored, which can take seconds
 
 
 class DifferentialRing(GeneratedRing):
@@ -46,8 +61,8 @@ class DifferentialRing(GeneratedRing):
     exact if the generators satisfy no other relations than those of the ring: for rational functions of the variables,
     of functions with independent arguments, and of square roots of which none is a multiple of another.
 
-    Formulas determine the basic arguments and the indices of roots. Symbols other than the variables are parameters.
-    Results with more than `limit` monomials raise `TooLarge`; `digits` is the number of digits of floats in results.
+    Symbols other than the variables are parameters. Results with more than `limit` monomials raise `TooLarge`; `digits`
+    is the number of digits of floats in results.
 
     Example:
         >>> import sympy
@@ -84,7 +99,8 @@ class DifferentialRing(GeneratedRing):
         for part in (part for formula in formulas for part in sympy.preorder_traversal(formula)):
             if isinstance(part, sympy.Pow):
                 power: Any = part.exp.as_coeff_Add()[0]
-                for base in _bases(part.base):
+                primes = prime_factors(int(part.base)) if _is_positive_integer(part.base) else [(part.base, 1)]
+                for base, _ in primes:
                     self.indices[base] = math.lcm(self.indices.get(base, 1), power.q if power.is_Rational else 1)
             elif name := _name(part):
                 arguments[_depth(part), name, part.args[0]] += 1
@@ -97,8 +113,7 @@ class DifferentialRing(GeneratedRing):
             self._lattices[FAMILIES[name]].insert(self.element(argument).terms)
 
     def _varies(self, monomial: Monomial) -> bool:
-        variables = range(len(self.variables))
-        return any(self.generator_derivative(k, i) for k, _ in monomial for i in variables)
+        return any(self.generator_derivative(k, i) for k, _ in monomial for i in range(len(self.variables)))
 
     # Reading.
 
@@ -141,20 +156,18 @@ class DifferentialRing(GeneratedRing):
         base, power = formula.args
         shift, rest = power.as_coeff_Add()
         if power.is_Rational:
-            return self._rational_power(formula, base, Fraction(int(power.p), int(power.q)))
+            exponent = Fraction(int(power.p), int(power.q))
+            if exponent.denominator > 1 and base.is_negative and base.is_number:
+                return self._opaque(formula)  # the principal value is not real
+            if exponent.denominator > 1 and _is_positive_integer(base):
+                return self.raised_number(Fraction(int(base)), exponent)
+            return self.raised(self.element(base), exponent, self.indices.get(base, 1), base)
         if shift.is_Rational and shift:
             return self.element(base**shift) * self.element(base**rest)
         multiple, rest = power.as_coeff_Mul()
         if multiple.is_Integer and multiple != 1:
             return self.raised(self.element(base**rest), Fraction(int(multiple)))
         return self._opaque(formula)
-
-    def _rational_power(self, formula: Any, base: Any, power: Fraction) -> Element:
-        if power.denominator > 1 and base.is_negative and base.is_number:
-            return self._opaque(formula)  # the principal value is not real
-        if power.denominator > 1 and _is_positive_integer(base):
-            return self.raised_number(Fraction(int(base)), power)
-        return self.raised(self.element(base), power, self.indices.get(base, 1), base)
 
     def _coordinates(self, name: str, argument: sympy.Expr) -> list[tuple[dict[Monomial, Any], int]]:
         """The argument of a function as a sum of multiples of basic arguments."""
@@ -242,11 +255,6 @@ def _is_positive_integer(base: Any) -> bool:
     return bool(base.is_Integer and base.is_positive)
 
 
-def _bases(base: Any) -> list[Any]:
-    """The bases of the factors of a power: the base, or its prime factors."""
-    return [prime for prime, _ in prime_factors(int(base))] if _is_positive_integer(base) else [base]
-
-
 def _depth(formula: sympy.Basic) -> int:
     """The nesting depth of functions with addition theorems."""
     return max(map(_depth, formula.args), default=0) + bool(_name(formula))
@@ -262,13 +270,6 @@ class Lattice:
     """Lattice of integer combinations of polynomials, with a basis in echelon form.
 
     Each row has its own pivot, the monomial with the largest `priority`.
-
-    Example:
-        >>> lattice = Lattice()
-        >>> for vector in ({1: 2}, {1: 3}, {1: 1, 0: 5}):
-        ...     lattice.insert(vector)
-        >>> lattice.coordinates({1: 4, 0: -10})
-        [({1: 1}, 4), ({0: 5}, -2)]
     """
 
     def __init__(self, priority: Callable[[Any], Any] = int) -> None:
@@ -305,3 +306,119 @@ def _reduced(vector: dict[Any, Any], row: dict[Any, Any], multiple: int) -> dict
     """vector − multiple · row."""
     found = {m: vector.get(m, 0) - multiple * row.get(m, 0) for m in {**vector, **row}}
     return {m: x for m, x in found.items() if x}
+
+
+class PowerSeries:
+    """Power series in h over a ring, with coefficients computed on demand, from lower ones of this and other series."""
+
+    __slots__ = ("_coefficient", "_known", "ring")
+
+    def __init__(self, ring: DifferentialRing, coefficient: Callable[[int], Element]):
+        self.ring = ring
+        self._coefficient = coefficient
+        self._known: list[Element] = []
+
+    @classmethod
+    def polynomial(cls, *coefficients: Element) -> PowerSeries:
+        """The series with these coefficients and zeros."""
+        ring: Any = coefficients[0].ring
+        return cls(ring, lambda n: coefficients[n] if n < len(coefficients) else ring.zero)
+
+    def __getitem__(self, n: int) -> Element:
+        while len(self._known) <= n:
+            self._known.append(self._coefficient(len(self._known)))
+        return self._known[n]
+
+    def __mul__(self, other: PowerSeries) -> PowerSeries:
+        def coefficient(n: int) -> Element:
+            return self.ring.dot((self[j], other[n - j]) for j in range(n + 1) if self[j] and other[n - j])
+
+        return PowerSeries(self.ring, coefficient)
+
+
+def combination(ring: DifferentialRing, parts: Sequence[tuple[Element | Number, PowerSeries]]) -> PowerSeries:
+    """A linear combination of series, with numbers or elements as factors."""
+    return PowerSeries(ring, lambda n: ring.dot((x, series[n]) for x, series in parts))
+
+
+class Composition:
+    """Composition of formulas of a ring with a power series for each of its variables.
+
+    `start` gives the values of the generators at h = 0, by index; by default the generators themselves, for series in
+    the ring of the formulas whose first coefficients are its variables.
+    """
+
+    def __init__(
+        self,
+        formulas: DifferentialRing,
+        point: Sequence[PowerSeries],
+        start: Callable[[int], Element] | None = None,
+    ):
+        self._ring = point[0].ring
+        self._formulas = formulas
+        self._point = point
+        self._start = start or formulas.generator
+        self._monomials: dict[Monomial, PowerSeries] = {(): PowerSeries.polynomial(self._ring.coerce(1))}
+
+    def __call__(self, formula: Element) -> PowerSeries:
+        """The composition with a formula."""
+        return combination(self._ring, [(x, self._monomial(monomial)) for monomial, x in formula.terms.items()])
+
+    def _monomial(self, monomial: Monomial) -> PowerSeries:
+        found = self._monomials.get(monomial)
+        if found is None:
+            *newer, (k, e) = monomial
+            if monomial == ((k, 1),):
+                found = self._generator(k)
+            else:
+                rest = (*newer, (k, e - 1)) if e > 1 else tuple(newer)
+                found = self._monomial(rest) * self._monomial(((k, 1),))
+            self._monomials[monomial] = found
+        return found
+
+    def _generator(self, k: int) -> PowerSeries:
+        """The composition with a generator, by its differential equation."""
+        derivatives: list[tuple[PowerSeries, PowerSeries]] = []  # a variable and the derivative in it
+
+        def coefficient(n: int) -> Element:
+            if n == 0:
+                return self._start(k)
+            if n == 1:  # not earlier: undefined functions have infinitely many derivatives
+                ring = self._formulas
+                found = ((y, ring.generator_derivative(k, i)) for i, y in enumerate(self._point))
+                derivatives.extend((y, self(D)) for y, D in found if D)
+            pairs = ((Fraction(m, n) * y[m], D[n - m]) for y, D in derivatives for m in range(1, n + 1) if y[m])
+            return self._ring.dot(pairs)
+
+        return PowerSeries(self._ring, coefficient)
+
+
+class Expansion:
+    """Formulas as power series in h, for variables that are power series in h.
+
+    `start` has the values of all variables, including h, at h = 0. These values, and `others`, are formulas in
+    `variables`.
+    """
+
+    def __init__(
+        self,
+        formulas: Sequence[sympy.Expr],
+        start: Mapping[sympy.Symbol, sympy.Expr],
+        variables: Sequence[sympy.Symbol],
+        others: Sequence[sympy.Expr] = (),
+    ):
+        self._start = dict(start)
+        self.formulas = DifferentialRing(formulas, start, limit=MOST_MONOMIALS)
+        self.elements = self.formulas.elements
+        used = {k for element in self.elements for k in element.generators}
+        values = (self._value(k) for k in sorted(used))
+        self.ring = DifferentialRing([*others, *values], variables, limit=MOST_MONOMIALS)
+
+    def _value(self, k: int) -> Any:
+        """The value of a generator at h = 0; roots are those of positive numbers, as in the ring."""
+        value: Any = self.formulas.generators[k].xreplace(self._start).doit()  # for derivatives of undefined functions
+        return sympy.powdenest(sympy.together(value), force=True) if isinstance(value, sympy.Pow) else value
+
+    def at(self, point: Sequence[PowerSeries]) -> Composition:
+        """The composition with a point, given by a series for every variable in the order of `start`."""
+        return Composition(self.formulas, point, lambda k: self.ring.element(self._value(k)))

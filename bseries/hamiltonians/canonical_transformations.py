@@ -1,19 +1,20 @@
-"""Symplectic changes of coordinates y = ψ(z): verification, and application to Hamiltonian systems."""
+"""Symplectic changes of coordinates y = ψ(z): from formulas, of positions, by generating functions, to angles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import Any, TypeAlias
 
 import numpy as np
 import sympy
+from sympy.solvers.solveset import NonlinearError
 
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import read_states
-from bseries.fields.symbolic.differential_rings import DifferentialRing
-from bseries.fields.symbolic.polynomials import TooLarge
+from bseries.fields.polynomials import TooLarge
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
@@ -38,12 +39,6 @@ class CoordinateChange(ImmutableValue):
     Raises:
         SeriesError: A formula is missing, or the numbers of new and old variables differ.
         IntegratorError: A formula is invalid, or uses other names.
-
-    Attributes:
-        old: The blocks of old variables.
-        new: The blocks of new variables.
-        formulas: The formulas of ψ by the names of old variables.
-        positive: The new variables that are positive.
 
     Example:
         >>> shear = CoordinateChange({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"p": "P + sin(Q)", "q": "Q"})
@@ -142,7 +137,7 @@ class CoordinateChange(ImmutableValue):
     def _defect(self) -> tuple[str, sympy.Expr, int] | None:
         """A pair of old variables with a wrong bracket {A, B} = A_Q·B_P − A_P·B_Q, this bracket, and the right one."""
         names, matrix = names_of(self.old), poisson_matrix(self.old)
-        pairs = [(p, q) for p, q in zip(*(range(block.offset, block.end) for block in self.new), strict=True)]
+        pairs = list(zip(*(range(block.offset, block.end) for block in self.new), strict=True))
         try:
             ring = DifferentialRing(self.formulas.values(), self.symbols, limit=MOST_MONOMIALS)
             slopes = [[ring.derivative(x, i) for i in range(len(self.symbols))] for x in ring.elements]
@@ -183,9 +178,18 @@ class CoordinateChange(ImmutableValue):
             raise SeriesError(f"new must have names of its own, but {shared[0]} is also a symbol in {formula!s:.60}")
         signed = {sympy.Symbol(name): sympy.Symbol(name, positive=True) for name in self.positive}
         psi = {sympy.Symbol(name): value.xreplace(signed) for name, value in self.formulas.items()}
-        plain = {symbol: name for name, symbol in signed.items()}
         symbols = [signed.get(symbol, symbol) for symbol in self.symbols]
-        return simplified_inside_out(formula.xreplace(psi), symbols).xreplace(plain)
+
+        def inner(part: Any) -> Any:
+            return part.func(*(simplified(argument, symbols) for argument in part.args))
+
+        # Innermost arguments first, as √(x² + y²) needs; factored, or a sum if that is shorter.
+        inserted: Any = formula.xreplace(psi).replace(
+            lambda part: part.is_Function or (part.is_Pow and not part.exp.is_Integer), inner
+        )
+        factored: Any = simplified(inserted, symbols)
+        shortest = min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
+        return shortest.xreplace({symbol: name for name, symbol in signed.items()})
 
     def hamiltonian(self, scene: Scene, *, start: Mapping[str, Any] | None = None) -> Scene:
         """The system in new variables: a scene with the Hamiltonian K(z) = H(ψ(z)).
@@ -262,8 +266,7 @@ class CoordinateChange(ImmutableValue):
         """ψ and the matrix ψ' at each row."""
         size = len(self.symbols)
         with np.errstate(all="ignore"):
-            columns = [np.broadcast_to(column, len(z)) for column in self._functions(*z.T)]
-        values = np.array(columns, float).T
+            values = np.array([np.broadcast_to(column, len(z)) for column in self._functions(*z.T)], float).T
         return values[:, :size], values[:, size:].reshape(-1, size, size)
 
     @cached_property
@@ -276,8 +279,7 @@ class CoordinateChange(ImmutableValue):
         return sympy.lambdify(self.symbols, rows + derivatives, "numpy", cse=True, dummify=True)
 
 
-MOST_MONOMIALS = 10_000
-"""Formulas with more monomials are not simplified."""
+MOST_MONOMIALS = 10_000  # formulas with more monomials are not simplified
 
 
 def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
@@ -287,19 +289,6 @@ def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Ex
         return ring.to_expression(ring.elements[0])
     except TooLarge:
         return formula
-
-
-def simplified_inside_out(formula: Any, symbols: Sequence[sympy.Symbol]) -> Any:
-    """Simplify a formula from the innermost arguments outwards, as √(x² + y²) needs; factored, or a sum if shorter."""
-
-    def inner(part: Any) -> Any:
-        return part.func(*(simplified(argument, symbols) for argument in part.args))
-
-    def is_opaque(part: Any) -> bool:
-        return bool(part.is_Function or (part.is_Pow and not part.exp.is_Integer))
-
-    factored: Any = simplified(formula.replace(is_opaque, inner), symbols)
-    return min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
 
 
 def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
@@ -336,11 +325,7 @@ def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
 
 
 MOST_STEPS = 200
-CONVERGED = 1e-8
-"""Newton's method has converged if its step is smaller; it continues until steps no longer decrease."""
-CONTINUATIONS = (1, 8, 64)
-"""The numbers of steps of the continuation, tried in this order: of 2,000 points near a small denominator, 75 would
-reach another solution without, and 45 with 8 steps at most."""
+CONVERGED = 1e-8  # Newton's method has converged if its step is smaller; it continues until steps no longer decrease
 
 
 def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")) -> np.ndarray:
@@ -365,28 +350,203 @@ def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")
     return x
 
 
-def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
-    """Solve x + g(x) = origin at each row, for the solution that continues the identity; nan where that fails.
+def canonical_transformation(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    formulas: Mapping[str, Any],
+    *,
+    parameters: Iterable[str] = (),
+    positive: Iterable[str] = (),
+) -> CoordinateChange:
+    """A verified symplectic change of coordinates, from its formulas.
 
-    The equations have other solutions far away. The wanted one is followed in x + s·g(x) = origin from s = 0 to 1, with
-    Newton steps that at least halve. If a continuation fails, one with more steps is tried; in the end, plain Newton
-    steps.
+    Args:
+        old, new, formulas, parameters, positive: As for `CoordinateChange`.
+
+    Raises:
+        SeriesError: The change is not symplectic, or variables do not fit.
+        IntegratorError: A formula is invalid.
+
+    Example:
+        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
+        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
+        >>> import bseries as bs
+        >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
+        a**2*sin(theta)**4 + a
+        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
+        Traceback (most recent call last):
+            ...
+        bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
 
     References:
-        P. Deuflhard, *Newton Methods for Nonlinear Problems*, section 5.1 (continuation with the monotonicity test).
+        HLW, section VI.5 and theorem VI.2.8; E. Hairer, lecture on long-time behaviour, exercise 4.
     """
-    x, identity = np.full_like(origin, np.nan), np.eye(origin.shape[1])
-    for count, growth in [*((count, 0.5) for count in CONTINUATIONS), (1, np.inf)]:
-        rest = np.flatnonzero(np.isnan(x).any(axis=1))
-        found = origin[rest]
-        for share in np.arange(1, count + 1) / count:
+    return CoordinateChange(old, new, formulas, parameters=parameters, positive=positive).check()
 
-            def equations(
-                z: np.ndarray, k: np.ndarray, share: float = share, at: np.ndarray = rest
-            ) -> tuple[np.ndarray, np.ndarray]:
-                value, matrix = shift(z, at[k])
-                return z + share * value - origin[at[k]], identity + share * matrix
 
-            found = newton(equations, found, growth)
-        x[rest] = found
-    return x
+def point_transformation(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    positions: Mapping[str, Any],
+    *,
+    parameters: Iterable[str] = (),
+    positive: Iterable[str] = (),
+) -> CoordinateChange:
+    """The symplectic change of coordinates that extends a change of positions q = χ(Q).
+
+    Momenta become P = χ'(Q)ᵀ p; the generating function is p·χ(Q).
+
+    Args:
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables are P, Q.
+        positions: A map from the old positions to formulas in the new ones.
+
+    Raises:
+        SeriesError: The Jacobian matrix is singular everywhere, or positions do not fit.
+        IntegratorError: A formula is invalid.
+
+    Example:
+        >>> new = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
+        >>> positions = {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
+        >>> polar = point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
+        >>> print(polar)
+        p1 = (-p_phi*sin(phi) + p_r*r*cos(phi))/r
+        p2 = (p_phi*cos(phi) + p_r*r*sin(phi))/r
+        q1 = r*cos(phi)
+        q2 = r*sin(phi)
+        >>> import bseries as bs
+        >>> polar.hamiltonian(bs.scene("kepler")).hamiltonian
+        p_phi**2/(2*r**2) + p_r**2/2 - 1/r
+
+    References:
+        E. Hairer, lecture on long-time behaviour, exercise 3 and (26); HLW, section VI.5.
+    """
+    parameters = tuple(parameters)
+    (p, q), (momenta, places) = _symbols_of(old, new)
+    chi = _read_positions(positions, q, (*map(str, places), *parameters))
+    if len(chi) != len(places):
+        raise SeriesError(f"new must have {len(chi)} positions, as old has, but had {len(places)}")
+    solved = _solved(sympy.Matrix(chi).jacobian(places).T, sympy.Matrix(momenta), places, "positions")
+    formulas = dict(zip(map(str, (*p, *q)), (*solved, *chi), strict=True))
+    return canonical_transformation(old, new, formulas, parameters=parameters, positive=positive)
+
+
+def generating_transformation(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    S: Any,
+    *,
+    positions: Mapping[str, Any] | None = None,
+    parameters: Iterable[str] = (),
+    positive: Iterable[str] = (),
+) -> CoordinateChange:
+    """The change of coordinates with a generating function S(P, q): p = ∇_q S, Q = ∇_P S.
+
+    Args:
+        old, new, parameters, positive: As for `CoordinateChange`; the new variables P, Q have other names.
+        S: A formula in new momenta and old positions; P·q gives the identity.
+        positions: The solution q of Q = ∇_P S(P, q), as formulas in P and Q by the names of q; needed for equations
+            that are not linear in q.
+
+    Raises:
+        SeriesError: `positions` do not solve the equations, or arguments do not fit.
+        IntegratorError: A formula is invalid.
+
+    Example:
+        >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*q + q^2/2 + sin(P)"))
+        p = P + Q - cos(P)
+        q = Q - cos(P)
+        >>> S, solution = "P*exp(q)", {"q": "log(Q)"}
+        >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, S, positions=solution, positive=["Q"]))
+        p = P*Q
+        q = log(Q)
+
+    References:
+        HLW, section VI.5.1; E. Hairer, lecture on long-time behaviour, section 5 and exercise 3.
+    """
+    parameters = tuple(parameters)
+    (p, q), (momenta, places) = _symbols_of(old, new)
+    variables = [*momenta, *places]
+    shared = sorted(map(str, {*p, *q} & {*variables}))
+    if shared:
+        raise SeriesError(f"new must have other names than old, but both have {shared[0]}")
+    given: Any = read_formula(S, (*map(str, (*momenta, *q)), *parameters), "S")
+    if len(q) != len(places):
+        raise SeriesError(f"new must have {len(q)} positions, as old has, but had {len(places)}")
+    relations = [given.diff(momentum) for momentum in momenta]
+    if positions is None:
+        equations = [relation - place for relation, place in zip(relations, places, strict=True)]
+        try:
+            solution = _solved(*sympy.linear_eq_to_matrix(equations, q), variables, "S")
+        except NonlinearError:
+            raise SeriesError(
+                "positions must be given where S is not quadratic in the old positions, but were not"
+            ) from None
+    else:
+        solution = _read_positions(positions, q, (*map(str, variables), *parameters))
+    values = dict(zip(q, solution, strict=True))
+    for relation, place in zip(relations, places, strict=True):
+        rest = simplified(relation.xreplace(values) - place, variables)
+        if rest != 0:
+            raise SeriesError(f"positions must solve {place} = {relation!s:.60}, but leave {rest!s:.60}")
+    old_momenta = [simplified(given.diff(at).xreplace(values), variables) for at in q]
+    formulas = dict(zip(map(str, (*p, *q)), (*old_momenta, *solution), strict=True))
+    return canonical_transformation(old, new, formulas, parameters=parameters, positive=positive)
+
+
+def harmonic_action_angle(
+    old: Scene | Mapping[str, Any],
+    new: Mapping[str, Any],
+    frequencies: Sequence[Any],
+    *,
+    parameters: Iterable[str] = (),
+) -> CoordinateChange:
+    """Action-angle variables of H = Σ (p_i² + ω_i² q_i²)/2 = Σ ω_i a_i: p = √(2aω) cos θ, q = √(2a/ω) sin θ.
+
+    Args:
+        old, new, parameters: As for `CoordinateChange`; the new blocks are the actions and the angles.
+        frequencies: The frequencies ω_i, numbers or formulas in parameters.
+
+    Raises:
+        SeriesError: The frequencies or variables do not fit.
+        IntegratorError: A frequency is not a formula.
+
+    Example:
+        >>> change = harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
+        >>> print(change)
+        p = 2*sqrt(a)*cos(theta)
+        q = sqrt(a)*sin(theta)
+    """
+    parameters = tuple(parameters)
+    (p, q), (actions, angles) = _symbols_of(old, new)
+    size = len(p)
+    if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != size:
+        raise SeriesError(f"frequencies must be {size}, one for each pair of variables, but were {frequencies!r:.60}")
+    formulas: dict[str, Any] = {}
+    for k, value in enumerate(frequencies):
+        omega: Any = read_formula(value, parameters, f"frequencies[{k + 1}]")
+        if not omega or omega.is_negative:
+            raise SeriesError(f"frequencies must be positive, but one was {omega}")
+        root, scale = sympy.sqrt(2) * sympy.sqrt(actions[k]), sympy.sqrt(omega)
+        formulas[str(p[k])] = root * scale * sympy.cos(angles[k])
+        formulas[str(q[k])] = root / scale * sympy.sin(angles[k])
+    return canonical_transformation(old, new, formulas, parameters=parameters, positive=map(str, actions))
+
+
+def _symbols_of(old: Any, new: Any) -> Iterator[list[list[sympy.Symbol]]]:
+    """The symbols of p and q, and those of P and Q."""
+    for blocks, argument in ((old, "old"), (new, "new")):
+        yield [list(map(sympy.Symbol, block.variables)) for block in read_pair(blocks, argument)]
+
+
+def _read_positions(positions: Any, q: Sequence[sympy.Symbol], known: Sequence[str]) -> list[sympy.Expr]:
+    """The formulas of the old positions in new variables."""
+    check_mapping(positions, list(map(str, q)), "positions")
+    return [read_formula(positions[str(x)], known, f"positions.{x}") for x in q]
+
+
+def _solved(matrix: Any, right: Any, symbols: Sequence[Any], argument: str) -> list[Any]:
+    """Solve a linear system; the solution is simplified."""
+    determinant = simplified(matrix.det(method="berkowitz"), symbols)
+    if determinant == 0:
+        raise SeriesError(f"{argument} must determine new coordinates, but a determinant vanishes for all of them")
+    return [simplified(value, symbols) for value in matrix.adjugate() * right / determinant]

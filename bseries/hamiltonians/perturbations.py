@@ -16,14 +16,13 @@ import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
+from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field
-from bseries.fields.modified_invariants import covector, inverse_structure
-from bseries.fields.symbolic.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.symbolic.integration import antiderivative
-from bseries.fields.symbolic.polynomials import Element
-from bseries.hamiltonians.drift.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
+from bseries.fields.modified_invariants import antiderivative, covector, inverse_structure
+from bseries.fields.polynomials import Element
 from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
+from bseries.hamiltonians.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
 from bseries.hamiltonians.verdicts import hamiltonian_order
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
@@ -32,28 +31,17 @@ from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
-    import sympy
 
-MOST_VARIABLES = 6
-"""Largest number of variables for which there are formulas."""
+MOST_VARIABLES = 6  # largest number of variables for which there are formulas
 
 
 class Perturbation:
     """The part r of a modified field f_h = B ∇H̃ + r, and the rate ∇H̃ · r at which H̃ changes.
 
-    If a method is a known perturbation of a symplectic one, like the simplified Takahashi–Imada method, r is the
-    difference of the two modified fields. For others it is f_h itself, whose Hamiltonian part contributes only total
-    derivatives to the rate, which have no mean. The rate is given as ∇H · r: for means along solutions of y' = f(y) the
-    omitted part is smaller by a factor h^p, p being the order of the method.
-
-    The arguments are those of `modified_field`. `twin` is the symplectic method that r is relative to, if there is one,
-    `field` is f_h, and `series` is r.
-
-    Example:
-        >>> import bseries as bs
-        >>> r = Perturbation(bs.method("simplified-takahashi-imada", alpha="alpha"), bs.scene("pendulum"), 5)
-        >>> r.twin.name, r.terms(4), r.rate(4)
-        ('takahashi-imada', (alpha**2*sin(q)**3/2, 0), alpha**2*p*sin(q)**3/2)
+    If a method is a known perturbation of a symplectic one, its `twin`, like the simplified Takahashi–Imada method, r
+    is the difference of the two modified fields. For others it is f_h itself, whose Hamiltonian part contributes only
+    total derivatives to the rate, which have no mean. The rate is given as ∇H · r: for means along solutions of y' =
+    f(y) the omitted part is smaller by a factor h^p, p being the order of the method.
 
     References:
         E. Hairer, lecture on long-time behaviour, equations (17) and (18).
@@ -67,12 +55,9 @@ class Perturbation:
         twin: Any = getattr(method, "symplectic_form", method)
         self.twin: Method | None = None if twin is method else twin
         if self.twin is not None:
-            difference = self.field.series - self._modified(self.twin, order).series
+            difference = self.field.series - modified_field(self.twin, scene, order, parts=parts).series
             label = f"{self.field.label} less that of {self.twin.name}"
             self.series = SceneSeries(scene, self.field.trees, difference.with_label(label))
-
-    def _modified(self, method: Method | BSeries, order: int | None) -> SceneSeries:
-        return modified_field(method, self.scene, order, parts=self._parts)
 
     @property
     def has_formulas(self) -> bool:
@@ -91,9 +76,11 @@ class Perturbation:
 
     def rate(self, k: int) -> sympy.Expr:
         """The formula of ∇H · r at h^k."""
+        energy: Any = self.scene.hamiltonian
         with refusing_large(MOST_MONOMIALS):
-            products = zip(self._gradient, self.series.formulas.elements(k + 1), strict=True)
-            return self.ring.to_expression(self.ring.dot(products))
+            ring, elements = self.ring, self.series.formulas.elements(k + 1)
+            H = ring.element(energy)
+            return ring.to_expression(ring.dot((ring.derivative(H, i), x) for i, x in enumerate(elements)))
 
     def rates(self, y: np.ndarray, k: int) -> np.ndarray:
         """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled."""
@@ -124,16 +111,9 @@ class Perturbation:
         return inverse_structure(self.series)
 
     @cached_property
-    def _gradient(self) -> list[Element]:
-        """∇H."""
-        formula: Any = self.scene.hamiltonian
-        energy = self.ring.element(formula)
-        return [self.ring.derivative(energy, i) for i in range(self.scene.dimension)]
-
-    @cached_property
     def _first(self) -> SceneSeries:
         """f, compiled."""
-        return self._modified(self._method, 1)
+        return modified_field(self._method, self.scene, 1, parts=self._parts)
 
 
 class PeriodGain(NamedTuple):
@@ -165,13 +145,6 @@ def violations(r: Perturbation, least: int) -> Iterator[Violation]:
     period vanishes. This integral does not depend on the path. It is the difference of two values of the local modified
     Hamiltonian, which is constant along solutions, at the same state; the energy changes by minus the integral in every
     period. Periods are examined if there are formulas.
-
-    Example:
-        >>> import bseries as bs
-        >>> from bseries.hamiltonians.drift.perturbations import Perturbation
-        >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
-        >>> next(violations(Perturbation(bs.method("simplified-takahashi-imada"), asymmetric, 5), 1))
-        Violation(power=4, order=5, turns=(PeriodGain(variable='q', period=2*pi, gain=-pi/240, digits=None),))
     """
     order = hamiltonian_order(r.field)
     angles = angle_periods(r.scene) if r.has_formulas else {}
@@ -184,13 +157,7 @@ def violations(r: Perturbation, least: int) -> Iterator[Violation]:
 
 
 def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
-    """The variables, by index, in which the Hamiltonian of a scene is periodic, and their periods.
-
-    Example:
-        >>> import bseries as bs
-        >>> angle_periods(bs.scene("pendulum")), angle_periods(bs.scene("kepler"))
-        ({1: 2*pi}, {})
-    """
+    """The variables, by index, in which the Hamiltonian of a scene is periodic, and their periods."""
     formulas = [scene.hamiltonian, *(entry for row in scene.poisson or () for entry in row)]
     periods = {i: common_period(formulas, x) for i, x in enumerate(scene.symbols)}
     return {i: period for i, period in periods.items() if period is not None}
@@ -233,14 +200,7 @@ def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None
 
 
 def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
-    """F(period) − F(0), where all sines and cosines in F have this period in x; simplified to 0 if possible.
-
-    Example:
-        >>> import sympy
-        >>> x, k = sympy.symbols("x k")
-        >>> rise(x * sympy.sin(1) + sympy.cos(k * x + x), x, 2 * sympy.pi / (k + 1))
-        2*pi*sin(1)/(k + 1)
-    """
+    """F(period) − F(0), where all sines and cosines in F have this period in x; simplified to 0 if possible."""
     held = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
     found: Any = sympy.factor(held.subs(x, period) - held.subs(x, 0))
     return sympy.Integer(0) if found.equals(0) else found
@@ -248,26 +208,21 @@ def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
 
 def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
     """The gain −∫ω_i dy_i over a period, by an antiderivative if possible, else by quadrature."""
-    x, name = r.scene.symbols[i], r.scene.variables[i]
-    formula = r.ring.to_expression(r.form(k)[i], simplify=False)
+    scene, x, name = r.scene, r.scene.symbols[i], r.scene.variables[i]
+    formula: Any = r.ring.to_expression(r.form(k)[i], simplify=False)
     found = antiderivative(formula, x)
     if found is not None:
         gain = -rise(found, x, period)
-        if not gain.free_symbols & set(r.scene.symbols):
+        if not gain.free_symbols & set(scene.symbols):
             return PeriodGain(name, period, gain, None)
-    if formula.free_symbols - set(r.scene.symbols):
+    if formula.free_symbols - set(scene.symbols):
         raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
-    return PeriodGain(name, period, _by_quadrature(formula, x, period, r.scene), DIGITS)
-
-
-def _by_quadrature(formula: Any, x: Any, period: Any, scene: Scene) -> sympy.Expr:
-    """−∫ω dx over a period, with the other variables at the start of the scene."""
     start = scene.start or (0,) * scene.dimension
     others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
     function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)
     length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
     mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
-    return sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0)
+    return PeriodGain(name, period, sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0), DIGITS)
 
 
 def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
@@ -296,7 +251,13 @@ def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
         E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019.
     """
     scene = as_scene(scene)
-    potential, q = _potential(scene)
+    energy = scene.hamiltonian
+    if energy is None or scene.poisson is not None or scene.dimension != 2:
+        raise SeriesError(f"scene must be canonical with one degree of freedom, but {scene.name} is not")
+    p, q = scene.symbols
+    potential = energy.subs(p, 0)
+    if (energy - potential).expand().has(q):
+        raise SeriesError(f"scene must have a Hamiltonian T(p) + U(q), but {scene.name} has {energy!s:.60}")
     period = common_period([potential], q)
     if period is None:
         raise SeriesError(
@@ -306,15 +267,3 @@ def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
     if found is None:
         raise SeriesError(f"scene must have a potential simple enough to integrate, but {scene.name} has not")
     return rise(found, q, period)
-
-
-def _potential(scene: Scene) -> tuple[Any, sympy.Symbol]:
-    """U and q."""
-    energy = scene.hamiltonian
-    if energy is None or scene.poisson is not None or scene.dimension != 2:
-        raise SeriesError(f"scene must be canonical with one degree of freedom, but {scene.name} is not")
-    p, q = scene.symbols
-    potential = energy.subs(p, 0)
-    if (energy - potential).expand().has(q):
-        raise SeriesError(f"scene must have a Hamiltonian T(p) + U(q), but {scene.name} has {energy!s:.60}")
-    return potential, q

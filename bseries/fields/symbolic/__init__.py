@@ -1,1 +1,0 @@
-"""Symbolic elementary differentials: polynomials in generators closed under differentiation."""

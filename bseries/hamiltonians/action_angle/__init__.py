@@ -1,1 +1,0 @@
-"""Action–angle variables: canonical transformations, Fourier polynomials, and the elimination of angles."""

@@ -1,1 +1,0 @@
-"""Energy drift: the non-Hamiltonian part of a modified field, and its effect over long times."""

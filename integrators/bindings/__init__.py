@@ -1,1 +1,0 @@
-"""Bindings to other packages: SciPy."""
