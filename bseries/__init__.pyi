@@ -59,7 +59,7 @@ from .analysis.conjugation import conjugate_symplecticity as conjugate_symplecti
 from .analysis.conjugation import effective_order as effective_order
 from .analysis.order import order_of as order_of
 from .analysis.report import check as check
-from .analysis.stability.linear_stability import stability_function as stability_function
+from .analysis.stability.criteria import stability_function as stability_function
 from .analysis.structure import energy_preservation as energy_preservation
 from .analysis.structure import hamiltonian_field as hamiltonian_field
 from .analysis.structure import symmetry as symmetry

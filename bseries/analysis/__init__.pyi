@@ -4,6 +4,7 @@ from .conjugation import bracket as bracket
 from .conjugation import conjugate as conjugate
 from .conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .conjugation import effective_order as effective_order
+from .order import Verdict as Verdict
 from .order import error_coefficients as error_coefficients
 from .order import order_of as order_of
 from .report import check as check
@@ -15,4 +16,3 @@ from .structure import hamiltonian_field as hamiltonian_field
 from .structure import symmetry as symmetry
 from .structure import symplecticity as symplecticity
 from .structure import volume_preservation as volume_preservation
-from .structure_conditions import Verdict as Verdict

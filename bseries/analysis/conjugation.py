@@ -21,16 +21,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.products import compose, lie_derivative
-from bseries.analysis.order import field_elements, flows_of
-from bseries.analysis.structure import Structure
-from bseries.analysis.structure_conditions import Verdict, closure, failing, has_blocks
+from bseries.analysis.order import Verdict, field_elements, flows_of
+from bseries.analysis.structure import Structure, closure, failing, has_blocks
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from foundation.table import as_html
 from trees.free_trees import grafting, rootings
 
 if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Coloring
+    from bseries.analysis.structure import Coloring
     from integrators.methods.programs.program import Method
     from trees.table import TreeTable
     from trees.tree import Tree
@@ -44,13 +43,6 @@ def bracket(b: BSeries, c: BSeries) -> BSeries:
 
     With B and C the vector fields of the series, it is the series of [B, C] = C'B − B'C: the derivative of C along B
     minus that of B along C.
-
-    Args:
-        b: A field.
-        c: A field on the same trees.
-
-    Returns:
-        A field.
 
     Raises:
         SeriesError: An argument is no field, or the trees differ.
@@ -74,15 +66,7 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
     """Conjugate method χ⁻¹ ∘ Φ ∘ χ: first c, then a, then the inverse of c.
 
     With Φ and χ the maps of a and c, this is compose(compose(c, a), c.inverse()), Butcher's product c a c⁻¹: c is the
-    starting method, its inverse the finishing method. n steps of the conjugate method are c, n steps of a, and the
-    inverse of c.
-
-    Args:
-        a: A flow.
-        c: The flow to conjugate with.
-
-    Returns:
-        A flow.
+    starting method, its inverse the finishing method.
 
     Raises:
         SeriesError: An argument is no flow, or the trees differ.
@@ -91,9 +75,9 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
         The trapezoidal rule and the implicit midpoint rule are conjugate by half a step of the explicit Euler method:
 
         >>> import bseries as bs
-        >>> half = bs.series(bs.method("explicit-euler"), 6).scale_step(Fraction(1, 2))
-        >>> midpoint = bs.series(bs.method("implicit-midpoint"), 6)
-        >>> conjugate(midpoint, half) == bs.series(bs.method("trapezoidal"), 6)
+        >>> half = bs.series("explicit-euler", 6).scale_step(Fraction(1, 2))
+        >>> midpoint = bs.series("implicit-midpoint", 6)
+        >>> conjugate(midpoint, half) == bs.series("trapezoidal", 6)
         True
 
     References:
@@ -115,7 +99,7 @@ class ConjugateVerdict(NamedTuple):
 
     Example:
         >>> import bseries as bs
-        >>> verdict = bs.effective_order(bs.method("trapezoidal"), 4)
+        >>> verdict = bs.effective_order("trapezoidal", 4)
         >>> verdict.order, verdict.holds
         (2, False)
     """
@@ -158,7 +142,7 @@ def effective_order(method: Method | BSeries | str, order: int | None = None) ->
         For separable systems the symplectic Euler method is conjugate to the Störmer–Verlet method, of order 2:
 
         >>> import bseries as bs
-        >>> euler = bs.series(bs.method("symplectic-euler-p"), 5, max_children=[[0, None], [None, 0]])
+        >>> euler = bs.series("symplectic-euler-p", 5, max_children=[[0, None], [None, 0]])
         >>> verdict = effective_order(euler)
         >>> bs.order_of(euler), verdict.order, bs.order_of(conjugate(euler, verdict.processor))
         (1, 2, 2)
@@ -168,8 +152,7 @@ def effective_order(method: Method | BSeries | str, order: int | None = None) ->
         doi:10.1007/BFb0060019; S. Blanes, F. Casas, A. Murua, SIAM J. Numer. Anal. 42 (2004), 531–552 (processing).
     """
     flows = flows_of(method, order)
-    table = flows[0].table
-    node = _inconsistent(flows)
+    table, node = flows[0].table, _inconsistent(flows)
     if node is not None:
         return ConjugateVerdict(0, table[node], table.max_order, flows[0] ** 0)
     return _solve(flows, EffectiveOrder(table))
@@ -187,21 +170,19 @@ def conjugate_symplecticity(
 
     Args:
         method: A consistent method, or its flow.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
+        order: As for `effective_order`.
         colors_are: As for `symplecticity`.
 
     Returns:
         A `ConjugateVerdict`: conjugate(a, processor) is symplectic up to the order found.
 
     Raises:
-        SeriesError: `method` is neither a method nor a flow, or is inconsistent; `order` exceeds the order of the
-            series; or its trees are neither all trees nor those of a separable system.
+        SeriesError: As for `effective_order`, or the method is inconsistent, or has the trees of a Nyström system.
 
     Example:
-        >>> import bseries as bs
-        >>> conjugate_symplecticity(bs.method("trapezoidal"), 6).holds
+        >>> conjugate_symplecticity("trapezoidal", 6).holds
         True
-        >>> conjugate_symplecticity(bs.method("rk4"), 6).order
+        >>> conjugate_symplecticity("rk4", 6).order
         4
 
     References:
@@ -209,8 +190,7 @@ def conjugate_symplecticity(
         P. Chartier, E. Faou, A. Murua, Numer. Math. 103 (2006), 575–590.
     """
     flows = flows_of(method, order)
-    table = flows[0].table
-    node = _inconsistent(flows)
+    table, node = flows[0].table, _inconsistent(flows)
     if node is not None:
         found = flows[0].stored[node]
         raise SeriesError(f"method must be consistent, with the coefficient 1 of {table[node]}, but has {found!s:.60}")
@@ -221,7 +201,8 @@ def _solve(flows: Sequence[BSeries], problem: EffectiveOrder | ConjugateSymplect
     """Find the logarithm g of the processor order by order, for a flow and its samples."""
     table = flows[0].table
     logarithms: list[list[Any]] = [[Fraction(0)] * len(table) for _ in flows]
-    order, violating = table.max_order, None
+    order, violating, digits = table.max_order, None, flows[0].digits
+    unit = None if digits is None else 10 ** (digits + 10)
     for n in range(1, table.max_order):
         steps, outs = [], []
         for s, g in zip(flows, logarithms, strict=True):
@@ -239,14 +220,10 @@ def _solve(flows: Sequence[BSeries], problem: EffectiveOrder | ConjugateSymplect
             continue  # it counts as zero
         for step, g, public in zip(steps, logarithms, outs, strict=True):
             for tree, value in step.term.items():
-                g[tree] = _rounded(public(value), flows[0].digits)
+                # of a method in decimals rounded to ten digits more than it has
+                g[tree] = public(value) if unit is None else Fraction(round(public(value) * unit), unit)
     breaks = None if violating is None else table[violating]
     return ConjugateVerdict(order, breaks, table.max_order, _processor(flows[0], logarithms[0], table.max_order))
-
-
-def _rounded(value: Any, digits: int | None) -> Any:
-    """A coefficient of the processor; for a method in decimals rounded to ten digits more than it has."""
-    return value if digits is None else Fraction(round(value * 10 ** (digits + 10)), 10 ** (digits + 10))
 
 
 def _inconsistent(flows: Sequence[BSeries]) -> int | None:
@@ -422,10 +399,8 @@ class ConjugateSymplectic:
         return ProcessorTerm(term, residuals, [min(pair) for pair in equations.values()])
 
     def _pivot(self, key: tuple[int, ...]) -> tuple[int, ...]:
-        if len(key) == 1:
-            return (self._leaves.add(key[0]),)
-        u, v = sorted(key, key=self._leaves.count)
-        return _pair(u, self._leaves.add(v))
+        *others, last = sorted(key, key=self._leaves.count)
+        return tuple(sorted((*others, self._leaves.add(last))))
 
     def _equation(self, key: tuple[int, ...]) -> Counter[tuple[int, ...]]:
         if len(key) == 1:

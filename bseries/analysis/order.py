@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from itertools import chain, islice
 from operator import add, itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,20 +21,13 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.analysis.stability.field_elements import (
-    RealAlgebraic,
-    from_element,
-    from_flint,
-    real_algebraic,
-    sign,
-    to_flint,
-)
-from bseries.analysis.structure_conditions import Verdict, verdict
+from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic, sign
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
-from foundation.table import Column, Table, as_frame, as_html, as_text
+from foundation.table import Column, Table, as_frame, as_html, as_text, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import RepeatedProgram, as_decimals
 from trees.counting import check_order, count_trees
@@ -55,6 +48,51 @@ MOST_TREES = 25_000
 
 FLOAT_DIGITS = 15
 """Significant digits assumed of floating-point entries in order conditions, unless the method says fewer."""
+
+
+class Verdict(NamedTuple):
+    """The order up to which a property holds.
+
+    Attributes:
+        order: The largest k ≤ `tested_to` such that no tree with up to k nodes violates the property.
+        breaks: The first tree that violates it, or None.
+        tested_to: The largest number of nodes tested.
+
+    Example:
+        >>> import bseries as bs
+        >>> verdict = bs.symplecticity("rk4", 6)
+        >>> verdict.order, str(verdict.breaks), verdict.tested_to, verdict.holds
+        (4, '[τ,[[τ]]]', 6, False)
+    """
+
+    order: int
+    breaks: Tree | None
+    tested_to: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether no tree violates the property."""
+        return self.breaks is None
+
+    def __str__(self) -> str:
+        return f"holds to order {self.order}, " + (f"violated by {self.breaks}" if self.breaks else "as far as tested")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict as plain data."""
+        return {"order": self.order, "breaks": self.breaks and str(self.breaks), "tested_to": self.tested_to}
+
+    def to_table(self) -> Table:
+        """The verdict as a table."""
+        return fact_table(str(self), self.to_dict().items())
+
+    _repr_html_ = as_html
+
+
+def verdict(table: TreeTable, violating: int | None) -> Verdict:
+    """The verdict for a property whose first violating tree has this id."""
+    if violating is None:
+        return Verdict(table.max_order, None, table.max_order)
+    return Verdict(int(table.columns.order[violating]) - 1, table[violating], table.max_order)
 
 
 class ErrorCoefficients(NamedTuple):
@@ -119,8 +157,7 @@ def order_of(method: Method | BSeries | str, max_order: int | None = None) -> in
         SeriesError: `method` is neither a method nor a flow, or `max_order` is out of its range.
 
     Example:
-        >>> import bseries as bs
-        >>> order_of(bs.method("rk4")), order_of(bs.method("gauss5"))
+        >>> order_of("rk4"), order_of("gauss5")
         (4, 10)
 
     References:
@@ -179,7 +216,10 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     if isinstance(method, RepeatedProgram):  # equal steps have the order of one
         method = method.step
-    colors, flows = len(method.names), _flows_of(method)
+    colors, flows = len(method.names), None
+    is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
+    if not is_tableau and method.max_children is None and not auxiliary_colors(method):
+        flows = flow_chain(method.program)  # of a splitting method for all fields
     if max_order is not None:
         limit = max_order
     else:
@@ -192,13 +232,6 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
         if order < tested_to:
             return order, tested_to
     return limit, limit
-
-
-def _flows_of(method: Method) -> FlowChain | None:
-    """The flows of a splitting method for all fields; None for other methods."""
-    if isinstance(method, RungeKutta | PartitionedRungeKutta) or method.max_children is not None:
-        return None
-    return None if auxiliary_colors(method) else flow_chain(method.program)
 
 
 def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
@@ -256,8 +289,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
         TreeError: There are too many trees with p+1 nodes for the memory.
 
     Example:
-        >>> import bseries as bs
-        >>> error = error_coefficients(bs.method("rk4"))
+        >>> error = error_coefficients("rk4")
         >>> error.order, error.norm_squared * 2880**2, error.largest
         (4, Fraction(1745, 1), Fraction(1, 120))
 
@@ -272,30 +304,22 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     if values.kind == "ring" and values.ring.is_AlgebraicField:
         values = values.reduced
         values = dict(zip(ids, real_algebraic(values.ring, values.raw[ids.start : ids.stop]), strict=True))
+
+    def public(number: Any) -> Any:
+        return from_element(number) if isinstance(number, RealAlgebraic) else number
+
     errors = [_simple((values[at] - exact[at]) / s.table[at].symmetry) for at in ids]
-    has_symbols = any(getattr(e, "free_symbols", None) for e in errors)
+    largest: Any = None
+    if not any(getattr(e, "free_symbols", None) for e in errors):
+        sizes = (-e if sign(e) < 0 else e for e in errors)
+        largest = public(reduce(lambda most, size: size if sign(size - most) > 0 else most, sizes, Fraction(0)))
     return ErrorCoefficients(
         order,
-        tuple((s.table[at], _public(e)) for at, e in zip(ids, errors, strict=True)),
-        _public(sum((e * e for e in errors), start=Fraction(0))),
-        None if has_symbols else _public(_largest(errors)),
+        tuple((s.table[at], public(e)) for at, e in zip(ids, errors, strict=True)),
+        public(sum((e * e for e in errors), start=Fraction(0))),
+        largest,
         s.names if s.table.colors > 1 else None,
     )
-
-
-def _largest(numbers: Sequence[Any]) -> Any:
-    """The largest absolute value."""
-    found: Any = Fraction(0)
-    for number in numbers:
-        size = -number if sign(number) < 0 else number
-        if sign(size - found) > 0:
-            found = size
-    return found
-
-
-def _public(number: Any) -> Any:
-    """An element of a number field as a SymPy expression or a `Fraction`; other numbers are unchanged."""
-    return from_element(number) if isinstance(number, RealAlgebraic) else number
 
 
 def _simple(value: Any) -> Any:
@@ -331,7 +355,8 @@ def samples_of(method: Method | BSeries | str, order: int | None) -> list[BSerie
         parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
         raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
     _check_exact(s)
-    return [s, *_nearby(s)]
+    found = [] if s.uncertainty is None else _perturbed(s.stored, s.uncertainty, s.digits or 0)
+    return [s, *(BSeries(s.table, values, s.empty, names=s.names) for values in found)]
 
 
 def series_of(method: Method | BSeries, order: int | None) -> BSeries:
@@ -348,14 +373,6 @@ def structure_order(method: Method, accuracy: int) -> int:
     if method.digits is not None or method.parameters:
         return max(4, min(accuracy + 1, most))
     return min(max(accuracy + 2, LEAST_NODES), most)
-
-
-def _nearby(s: BSeries) -> list[BSeries]:
-    """Four random perturbations of a series in decimals; none of an exact one."""
-    if s.uncertainty is None:
-        return []
-    found = _perturbed(s.stored, s.uncertainty, s.digits or 0)
-    return [BSeries(s.table, values, s.empty, names=s.names) for values in found]
 
 
 @lru_cache(maxsize=2)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.modified import modified_equation, series
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.modified import exact_values, modified_equation, series, table_of
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
 from bseries.analysis.order import (
     MOST_STRUCTURE_TREES,
     MOST_TREES,
+    Verdict,
     affordable_order,
     decide_order,
     error_coefficients,
@@ -20,11 +22,10 @@ from bseries.analysis.order import (
     trusted,
 )
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
-from bseries.analysis.stability import contractivity, linear_stability
+from bseries.analysis.stability import criteria
 from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
-from bseries.analysis.structure import STRUCTURES
-from bseries.analysis.structure_conditions import Verdict, block_names
+from bseries.analysis.structure import STRUCTURES, block_names
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number, number_text
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
@@ -46,20 +47,20 @@ MOST_STAGES = 30
 STABILITY: dict[str, Callable[[StabilityFunction], Any]] = {
     "stability_function": str,
     "stability_at_infinity": lambda function: function.at_infinity,
-    "linear_order": linear_stability.linear_order,
-    "dispersion_order": linear_stability.dispersion_order,
-    "dissipation_order": lambda R: math.inf if (order := linear_stability.dissipation_order(R)) is None else order,
-    "i_stable": linear_stability.is_i_stable,
-    "a_stable": linear_stability.is_a_stable,
-    "l_stable": linear_stability.is_l_stable,
-    "stability_angle": linear_stability.stability_angle,
-    "real_stability_interval": linear_stability.real_stability_interval,
-    "imaginary_stability_interval": linear_stability.imaginary_stability_interval,
-    "linear_ssp_coefficient": contractivity.linear_ssp_coefficient,
+    "linear_order": criteria.linear_order,
+    "dispersion_order": criteria.dispersion_order,
+    "dissipation_order": lambda R: math.inf if (order := criteria.dissipation_order(R)) is None else order,
+    "i_stable": criteria.is_i_stable,
+    "a_stable": criteria.is_a_stable,
+    "l_stable": criteria.is_l_stable,
+    "stability_angle": criteria.stability_angle,
+    "real_stability_interval": criteria.real_stability_interval,
+    "imaginary_stability_interval": criteria.imaginary_stability_interval,
+    "linear_ssp_coefficient": criteria.linear_ssp_coefficient,
 }
 CONTRACTIVITY: dict[str, Callable[[RungeKutta], Any]] = {
-    "algebraically_stable": contractivity.is_algebraically_stable,
-    "ssp_coefficient": contractivity.ssp_coefficient,
+    "algebraically_stable": criteria.is_algebraically_stable,
+    "ssp_coefficient": criteria.ssp_coefficient,
 }
 
 SLOW_FORMULAS = ("dispersion_order", "dissipation_order")
@@ -219,6 +220,11 @@ def check(method: Method | str, order: int | None = None) -> Report:
     """
     method = as_method(method)
     found, tested_to = decide_order(method, order)
+    is_tableau = isinstance(method, RungeKutta)
+    rows: list[RungeKutta] = []
+    if isinstance(method, RungeKutta):
+        rows = [RungeKutta(method.A, b, method.c, digits=method.digits, warn=False) for b in method.embedded or ()]
+    is_rational = is_tableau and (method.algebra is not None or method.domain == "QQ")
     has_few_trees = sum(count_trees(min(found + 1, 60), len(method.names))) <= MOST_TREES and found < tested_to
     if order is None:
         nodes = structure_order(method, found)
@@ -229,20 +235,24 @@ def check(method: Method | str, order: int | None = None) -> Report:
         found,
         tested_to,
         error_coefficients(method, found) if has_few_trees else None,
-        _embedded_orders(method),
+        tuple(map(order_of, rows)),
         {"consistent": found >= 1, **_properties(method)},
-        structure_of(method, nodes),
-        _assumptions(method),
-        tableau_properties(method) if isinstance(method, RungeKutta) else {},
+        structure_of(method, nodes, found),
+        simplifying_assumptions(method, 2 * method.stages + 1) if is_rational else None,
+        tableau_properties(method) if is_tableau else {},
     )
 
 
-def structure_of(method: Method, order: int) -> dict[str, Verdict | ConjugateVerdict]:
+def structure_of(method: Method, order: int, accuracy: int) -> dict[str, Verdict | ConjugateVerdict]:
     """Verdicts of all structure tests up to some order; none for methods with auxiliary parts."""
     if auxiliary_colors(check_method(method)):
         return {}
     exact = trusted(method)
-    flow = series(exact, order)
+    if accuracy >= order and exact.digits is None:
+        table = table_of(exact, order, None)
+        flow = BSeries(table, exact_values(table), 1, names=exact.names)
+    else:
+        flow = series(exact, order)
     # The uncertainty of a field in decimals is known only for the field of a method.
     field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
     found: dict[str, Any] = {}
@@ -265,12 +275,6 @@ def _properties(method: Method) -> dict[str, bool]:
         found["symmetric_tableau"] = method.is_symmetric
         found["symplectic_tableau"] = method.is_symplectic
     return found
-
-
-def _assumptions(method: Method) -> Assumptions | None:
-    if not isinstance(method, RungeKutta) or (method.algebra is None and method.domain != "QQ"):
-        return None
-    return simplifying_assumptions(method, 2 * method.stages + 1)
 
 
 def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
@@ -297,14 +301,14 @@ def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
         >>> facts["undecided"]
         {'linear_ssp_coefficient': 'the stability function is no polynomial'}
     """
-    method = linear_stability.checked_method(method)
+    method = criteria.checked_method(method)
     undecided: dict[str, str] = {}
     if method.stages > MOST_STAGES:
         names = (*STABILITY, *CONTRACTIVITY)
         reason = f"more than {MOST_STAGES} stages would take long: ask for each fact by its own function"
         return dict.fromkeys(names) | {"undecided": dict.fromkeys(names, reason)}
     try:
-        function = linear_stability.stability_function(method)
+        function = criteria.stability_function(method)
     except IntegratorError as error:
         found: dict[str, Any] = dict.fromkeys(STABILITY)
         undecided |= dict.fromkeys(STABILITY, str(error))
@@ -313,34 +317,22 @@ def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
             undecided |= dict.fromkeys(SLOW_FORMULAS, "formulas with roots and symbols would take long")
         found = {name: None if name in undecided else _ready(ask(function)) for name, ask in STABILITY.items()}
     found |= {name: _ready(ask(method)) for name, ask in CONTRACTIVITY.items()}
+    if method.parameters:
+        reason = f"depends on {', '.join(method.parameters)}"
+    elif method.precision:
+        reason = "the digits of the tableau do not show it"
+    else:
+        reason = "the tableau has roots of too high a degree"
     for name, value in found.items():
-        if value is None and name not in undecided:
-            undecided[name] = _reason(name, found, method)
+        if value is None:
+            no_polynomial = name == "linear_ssp_coefficient" and found["stability_at_infinity"] != "inf"
+            undecided.setdefault(name, "the stability function is no polynomial" if no_polynomial else reason)
     return found | {"undecided": undecided}
 
 
 def _ready(value: Any) -> Any:
     """A value for JSON: numbers other than integers as text."""
     return value if value is None or isinstance(value, bool | int | str) else format_number(value)
-
-
-def _reason(name: str, found: Mapping[str, Any], method: RungeKutta) -> str:
-    if name == "linear_ssp_coefficient" and found["stability_at_infinity"] != "inf":
-        return "the stability function is no polynomial"
-    if method.parameters:
-        return f"depends on {', '.join(method.parameters)}"
-    if method.precision:
-        return "the digits of the tableau do not show it"
-    return "the tableau has roots of too high a degree"
-
-
-def _embedded_orders(method: Method) -> tuple[int, ...]:
-    if not isinstance(method, RungeKutta):
-        return ()
-    rows = (
-        RungeKutta(method.A, weights, method.c, digits=method.digits, warn=False) for weights in method.embedded or ()
-    )
-    return tuple(order_of(row) for row in rows)
 
 
 MOST_TERMS = 50
@@ -368,7 +360,7 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     yield "stages", str(method.stages)
     for name, holds in report.properties.items():
         as_blocks = name == "symplectic_tableau" and len(method.names) > 1 and block_names(method.names) is None
-        yield name.replace("_", " ") + " for momenta and positions" * as_blocks, _answer(holds)
+        yield name.replace("_", " ") + " for momenta and positions" * as_blocks, "yes" if holds else "no"
     for name, verdict in report.structure.items():
         until = f"to all {verdict.tested_to} nodes tested"
         if verdict.breaks is not None:
@@ -379,7 +371,8 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
         yield "simplifying assumptions", ", ".join(f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True))
     for name, value in report.stability.items():
         if value is not None and name != "undecided":
-            yield _NAMES.get(name, name.replace("_", " ")), _answer(value) if isinstance(value, bool) else str(value)
+            answer = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+            yield _NAMES.get(name, name.replace("_", " ")), answer
     for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
         yield f"row sums of {name}" if name else "row sums", list(sums)
     if report.error is not None:
@@ -387,10 +380,6 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
             yield "principal error norm", [report.error.norm]
             yield "largest error coefficient", [report.error.largest]
         yield "square of the norm", [report.error.norm_squared]
-
-
-def _answer(holds: bool) -> str:
-    return "yes" if holds else "no"
 
 
 def _notes(report: Report) -> Iterator[str]:

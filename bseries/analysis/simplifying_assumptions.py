@@ -17,9 +17,9 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.analysis.stability.field_elements import dot, stage_matrix, to_flint
+from bseries.analysis.stability.field_elements import dot, stage_matrix
 from bseries.exceptions import SeriesError
-from integrators.exact.polynomials import power
+from integrators.exact.polynomials import power, to_flint_matrix
 
 if TYPE_CHECKING:
     from integrators import RungeKutta
@@ -102,8 +102,6 @@ def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
     multiplication of stage vectors by the nodes, B(k) is k b X^(k−1) 1 = 1, C(k) is k A X^(k−1) 1 = X^k 1, and D(k) is
     k b X^(k−1) A = b − b X^k.
     """
-    from flint import fmpq_mat
-
     rows, weights, vector = stage_matrix(method)
     size = len(rows)
     nodes = [dot(row, vector) for row in rows]
@@ -113,8 +111,7 @@ def simplifying_assumptions(method: RungeKutta, limit: int) -> Assumptions:
         products = (method.algebra.multiply(tuple(nodes), power(k)) for k in range(size))
         columns = [[*product, *[Fraction(0)] * (size - len(product))] for product in products]
     A, X, b, one = (
-        fmpq_mat([list(map(to_flint, row)) for row in matrix])
-        for matrix in (rows, zip(*columns, strict=True), [weights], [[x] for x in vector])
+        to_flint_matrix(matrix) for matrix in (rows, zip(*columns, strict=True), [weights], [[x] for x in vector])
     )
     right, left = [one], [b]
     while len(right) <= limit:

@@ -4,55 +4,180 @@ A structure is decided for all fields of its class at once, not for one particul
 have series on restricted tables; methods for special systems, with their own `max_children`, are decided on those.
 Properties that a tableau decides for every order are in `RungeKutta` and `PartitionedRungeKutta`.
 
+All conditions are linear in the field b = log a: b preserves a structure to order k if and only if the flow does. For
+symplecticity the conditions on the flow itself differ by products a(u) a(v) only, and need no logarithm.
+
+Colours have two meanings (see `trees.free_trees`): parts of a sum of fields, each with the structure in question, and
+blocks p and q of the variables of one field that has it. A block by itself has no structure, so coefficients must not
+depend on the colour of the root; in separable systems, p' = f(q) and q' = g(p), blocks are parts.
+
+On restricted tables, such as that of Nyström systems, moving the root may give trees outside the table. Their
+elementary differentials vanish and their coefficients are arbitrary: conditions are listed on all trees and these
+coefficients eliminated.
+
 A new structure needs the rows of its conditions, its test, and an entry in `STRUCTURES`; `check` reads that table.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_field
 from bseries.algebra.stages import auxiliary_colors
-from bseries.analysis.order import accuracy_of, fields_of, flows_of, samples_of, series_of
-from bseries.analysis.structure_conditions import (
-    NO_PRODUCT,
-    StructureConditions,
-    Verdict,
-    cached_conditions,
-    closure,
-    decide,
-    has_blocks,
-    ids_within,
-    is_complete,
-    restricted_table_error,
-)
+from bseries.analysis.order import Verdict, accuracy_of, fields_of, flows_of, samples_of, series_of, verdict
+from bseries.exceptions import SeriesError
+from integrators.core.arguments import canonical_names
+from integrators.exact.polynomials import to_flint
 from integrators.methods.catalogue.registry import as_method
+from trees.counting import normal_limits
 from trees.free_trees import grafting, is_separable, rootings
+from trees.table import tree_table
 
 if TYPE_CHECKING:
-    from bseries.analysis.structure_conditions import Coloring, Row
     from integrators.methods.programs.program import Method
     from trees.table import TreeTable
+
+    Coloring = Literal["blocks", "parts"] | None
+    Row = tuple[dict[int, int], int, int]
+
+NO_PRODUCT = -1
+SEPARABLE = ((0, None), (None, 0))
+
+
+class StructureConditions:
+    """Conditions Σ factor · b(tree) = 0 on a field, or Σ factor · a(tree) = a(u) a(v) on a flow.
+
+    All trees of one condition have the same number of nodes, that of u and v together.
+
+    Args:
+        rows: For each condition its factors by tree, and the ids of u and v, both `NO_PRODUCT` if there are none.
+    """
+
+    def __init__(self, rows: Iterable[Row]):
+        import numpy as np
+
+        starts, trees, factors, pairs = [0], list[int](), list[int](), list[tuple[int, int]]()
+        self.breaks: list[int] = []
+        """The first tree of each condition."""
+        self._norm = 0
+        for row, u, v in rows:
+            trees += row.keys()
+            factors += row.values()
+            starts.append(len(trees))
+            pairs.append((u, v))
+            self.breaks.append(min(row))
+            self._norm = max(self._norm, sum(map(abs, row.values())))
+        self._start, self._tree, self._factor = (np.array(x, np.int64) for x in (starts, trees, factors))
+        self._pairs = np.array(pairs, np.int64).reshape(-1, 2).T
+
+    def residuals(self, values: Any, *, flow: bool) -> list[Any]:
+        """Left minus right side of every condition.
+
+        Args:
+            values: A coefficient for each tree: numbers in a list, or an int64 array. Arrays, and numbers of a flow,
+                may include a factor L^n for n nodes.
+            flow: Whether the coefficients are those of a flow.
+        """
+        import numpy as np
+
+        if not self.breaks:
+            return []
+        if isinstance(values, list):
+            values = np.fromiter(values, object, len(values))
+        else:
+            largest = max(int(values.max(initial=0)), -int(values.min(initial=0)))
+            values = values.astype(object if largest * self._norm + flow * largest**2 >= 2**63 else np.int64)
+        sums = np.add.reduceat(values[self._tree] * self._factor, self._start[:-1])
+        if flow:
+            has_pair = self._pairs[0] >= 0
+            first, second = self._pairs[:, has_pair]
+            sums[has_pair] -= values[first] * values[second]
+        return sums.tolist()
+
+
+def cached_conditions(
+    build: Callable[[TreeTable, bool], Iterator[Row]],
+) -> Callable[[TreeTable, bool], StructureConditions]:
+    """Decorate a generator of rows as a function that returns the conditions on a table with blocks or parts."""
+
+    @lru_cache(maxsize=8)
+    def conditions(table: TreeTable, blocks: bool) -> StructureConditions:
+        return StructureConditions(build(table, blocks))
+
+    return conditions
+
+
+def is_complete(table: TreeTable) -> bool:
+    """Whether a table holds all trees up to its order."""
+    return table.limits == normal_limits(table.colors, None)
+
+
+def closure(table: TreeTable, blocks: bool, *, more: int = 0) -> TreeTable:
+    """The smallest family of trees that contains a table and is closed under moving the root, to `more` nodes."""
+    if blocks and not is_separable(table) and not is_complete(table):
+        raise restricted_table_error(table, "all trees up to its order, or trees of separable systems")
+    limits = SEPARABLE if is_separable(table) else None
+    return tree_table(table.max_order + more, table.colors, limits)
+
+
+def restricted_table_error(table: TreeTable, needed: str) -> SeriesError:
+    """The error for a restricted table."""
+    return SeriesError(f"series must be on a table that holds {needed}, but was on {table!r}")
+
+
+def ids_within(table: TreeTable, whole: TreeTable) -> dict[int, int]:
+    """A table's own ids of its trees, by their ids in a larger table."""
+    if table.limits == whole.limits:
+        return {tree: tree for tree in range(len(table))}
+    product, places = grafting(whole), list(range(table.colors))
+    for left, right in zip(*table.lists[2:], strict=True):
+        if left >= 0:
+            places.append(product(places[left], places[right]))
+    return {place: tree for tree, place in enumerate(places)}
+
+
+def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
+    """Decide conditions on a series, the first of its `samples`."""
+    if len(samples) == 1:
+        values = [samples[0].stored.homogeneous(flow=flow)]
+    else:  # decimals
+        values = [list(map(to_flint, s.stored.coefficients())) for s in samples]
+    residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
+    violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
+    return verdict(samples[0].table, violating)
+
+
+def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
+    """Indices of nonzero residuals; `nearby` are the residuals of the other samples of a series in decimals."""
+    for k, residual in enumerate(residuals):
+        if residual and (not nearby or abs(residual) > 3 * max(abs(other[k] - residual) for other in nearby)):
+            yield k
+
+
+def block_names(names: Sequence[str]) -> tuple[str, str] | None:
+    """The names of momenta and of positions, if two colours are blocks of them by their names."""
+    return canonical_names(names) if len(names) == 2 else None
+
+
+def has_blocks(s: BSeries, colors_are: Coloring) -> bool:
+    """Whether the colours of a series are blocks of variables; by default if their names say so."""
+    if colors_are not in (None, "blocks", "parts"):
+        raise SeriesError(f"colors_are must be 'blocks' or 'parts', but was {colors_are!r:.60}")
+    if colors_are == "blocks" and s.table.colors != 2:
+        raise SeriesError(f"colors_are must be 'parts' unless there are two colours, but there are {s.table.colors}")
+    return block_names(s.names) is not None if colors_are is None else colors_are == "blocks"
 
 
 def accuracy(method: Method | BSeries | str, order: int | None = None) -> Verdict:
     """Order of agreement with the exact flow: the order of accuracy, decided by trees.
 
-    Args:
-        method: A method, or a flow.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
-
-    Returns:
-        A `Verdict`; its order is the order of the method if a tree violates it.
-
-    Raises:
-        SeriesError: `method` is neither a method nor a flow, or `order` exceeds the order of the series.
+    Arguments and errors are those of `symplecticity`. If a tree violates it, the verdict has the order of the method.
 
     Example:
-        >>> import bseries as bs
-        >>> accuracy(bs.method("rk4"), 6)[:2]
+        >>> accuracy("rk4", 6)[:2]
         (4, Tree('[[[[τ]]]]'))
 
     References:
@@ -76,19 +201,10 @@ def symmetry(method: Method | BSeries | str, order: int | None = None) -> Verdic
 
     The modified equation of a symmetric method contains even powers of h only: trees with odd numbers of nodes.
 
-    Args:
-        method: A method, or a flow.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
-
-    Returns:
-        A `Verdict`.
-
-    Raises:
-        SeriesError: `method` is neither a method nor a flow, or `order` exceeds the order of the series.
+    Arguments and errors are those of `symplecticity`.
 
     Example:
-        >>> import bseries as bs
-        >>> symmetry(bs.method("trapezoidal"), 6).holds, symmetry(bs.method("heun2"), 6).order
+        >>> symmetry("trapezoidal", 6).holds, symmetry("heun2", 6).order
         (True, 3)
 
     References:
@@ -165,18 +281,14 @@ def symplecticity(method: Method | BSeries | str, order: int | None = None, *, c
         colors_are: ``"blocks"`` p and q of the variables of one Hamiltonian system, or ``"parts"`` of a sum of
             Hamiltonian systems, f = Σ f^[ν]. By default blocks if two colours are called p and q, or v and x.
 
-    Returns:
-        A `Verdict`.
-
     Raises:
         SeriesError: `method` is neither a method nor a flow, `order` exceeds the order of the series, or colours are
             blocks on a restricted table of trees that are not those of separable systems.
 
     Example:
-        >>> import bseries as bs
-        >>> symplecticity(bs.method("implicit-midpoint"), 8).holds, symplecticity(bs.method("radau-iia2"), 8).order
+        >>> symplecticity("implicit-midpoint", 8).holds, symplecticity("radau-iia2", 8).order
         (True, 3)
-        >>> symplecticity(bs.method("stormer-verlet"), 5).holds
+        >>> symplecticity("stormer-verlet", 5).holds
         True
 
     References:
@@ -194,22 +306,13 @@ def symplecticity(method: Method | BSeries | str, order: int | None = None, *, c
 def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
     """Order to which a field is Hamiltonian for all Hamiltonian f: b(u ∘ v) + b(v ∘ u) = 0.
 
-    Args:
-        field: A field series, such as a modified equation.
-        order: The largest number of nodes; by default the order of the series.
-        colors_are: As for `symplecticity`.
-
-    Returns:
-        A `Verdict`.
-
-    Raises:
-        SeriesError: `field` is no field, `order` exceeds its order, or its trees are refused as by `symplecticity`.
+    Arguments and errors are those of `symplecticity`, but for a field series, such as a modified equation.
 
     Example:
         >>> import bseries as bs
-        >>> hamiltonian_field(bs.modified_equation(bs.method("gauss2"), 7)).holds
+        >>> hamiltonian_field(bs.modified_equation("gauss2", 7)).holds
         True
-        >>> hamiltonian_field(bs.modified_equation(bs.method("lobatto-iiia3"), 7))[:2]
+        >>> hamiltonian_field(bs.modified_equation("lobatto-iiia3", 7))[:2]
         (4, Tree('[τ,[[τ]]]'))
 
     References:
@@ -222,7 +325,7 @@ def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: C
 
 @cached_conditions
 def energy_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
-    """Σ ± b(T without a leaf, rooted next to it) = 0 over the leaves of every free tree T that is not superfluous.
+    """The conditions of `energy_preservation`.
 
     The derivative of H along F(τ) is the Hamiltonian of [τ], and Σ b(τ)/σ(τ) H([τ]) is summed by free trees, with the
     number of automorphisms of T as common denominator. For parts, H = Σ H^[ν], the new root has any colour; for blocks
@@ -251,22 +354,11 @@ def energy_preservation(
     With b the modified equation, Σ ± b(T without a leaf, rooted next to it) = 0 over the leaves of every free tree T
     that is not superfluous.
 
-    Args:
-        method: A method, a flow, or a field.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
-        colors_are: ``"blocks"``: p' = −H_q, q' = H_p; ``"parts"``: f = Σ J ∇H^[ν], and the sum of all H^[ν] is
-            conserved. By default blocks if two colours are called p and q, or v and x.
-
-    Returns:
-        A `Verdict`.
-
-    Raises:
-        SeriesError: `method` is neither a method nor a series, `order` exceeds the order of the series, or its trees
-            are refused as by `symplecticity`.
+    Arguments and errors are those of `symplecticity`, and `method` may be a field. Blocks: p' = −H_q, q' = H_p. Parts:
+    f = Σ J ∇H^[ν], and the sum of all H^[ν] is conserved.
 
     Example:
-        >>> import bseries as bs
-        >>> energy_preservation(bs.method("implicit-midpoint"), 7)[:2]
+        >>> energy_preservation("implicit-midpoint", 7)[:2]
         (2, Tree('[τ,τ]'))
 
     References:
@@ -279,7 +371,7 @@ def energy_preservation(
 
 @cached_conditions
 def volume_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
-    """Σ b(u₁ ∘ (u₂ ∘ (… ∘ u_m))) = 0 over the rotations of every cycle of m ≥ 2 trees.
+    """The conditions of `volume_preservation`.
 
     The divergence of F(τ) is a sum over the nodes of τ: an edge from the node to the root closes a cycle, with a tree
     attached to each of its nodes. A cycle of one node is a derivative of div f = 0.
@@ -317,24 +409,15 @@ def volume_preservation(
     series does. In separable systems, p' = f(q) and q' = g(p), both blocks are such parts. Symplectic methods preserve
     volume for Hamiltonian systems; that is a smaller class of systems, not tested here.
 
-    Args:
-        method: A method, a flow, or a field.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
-        colors_are: ``"blocks"``: the whole field is divergence-free; ``"parts"``: each f^[ν] is. By default blocks if
-            two colours are called p and q, or v and x.
-
-    Returns:
-        A `Verdict`.
-
-    Raises:
-        SeriesError: `method` is neither a method nor a series, or `order` exceeds the order of the series.
+    Arguments and errors are those of `symplecticity`, and `method` may be a field. Blocks: the whole field is
+    divergence-free. Parts: each f^[ν] is.
 
     Example:
         >>> import bseries as bs
-        >>> volume_preservation(bs.method("gauss2"), 6).order, volume_preservation(bs.exact_flow(6)).holds
+        >>> volume_preservation("gauss2", 6).order, volume_preservation(bs.exact_flow(6)).holds
         (4, True)
-        >>> separable = bs.series(bs.method("symplectic-euler-p"), 6, max_children=[[0, None], [None, 0]])
-        >>> volume_preservation(separable).holds, volume_preservation(bs.method("symplectic-euler-p"), 3).order
+        >>> separable = bs.series("symplectic-euler-p", 6, max_children=[[0, None], [None, 0]])
+        >>> volume_preservation(separable).holds, volume_preservation("symplectic-euler-p", 3).order
         (True, 1)
 
     References:
@@ -346,7 +429,7 @@ def volume_preservation(
 
 @cached_conditions
 def cubic_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
-    """b(u ∘ v) + b(v ∘ u) = 0 and b(u ∘ v ∘ w) + b(v ∘ w ∘ u) + b(w ∘ u ∘ v) = 0, with u ∘ v ∘ w = (u ∘ v) ∘ w.
+    """The conditions of `cubic_invariants`, with u ∘ v ∘ w = (u ∘ v) ∘ w.
 
     For an invariant I of degree 3, derivatives of I' f = 0 reduce I' F(τ) to terms I''(F(u), F(v)) and
     I'''(F(u), F(v), F(w)); these are their coefficients.
@@ -354,19 +437,15 @@ def cubic_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
     if not is_complete(table):
         raise restricted_table_error(table, "all trees up to its order")
     product, order, last = grafting(table), table.lists[0], table.max_order
+    ends = [0, *(table.ids(n).stop for n in range(1, last + 1))]  # of the trees with up to n nodes
     for u in range(len(table)):
-        for v in _up_to(table, u, last - order[u]):
+        for v in range(u, ends[last - order[u]]):
             pair, other = product(u, v), product(v, u)
             yield Counter((pair, other)), NO_PRODUCT, NO_PRODUCT
-            for w in _up_to(table, v, last - order[u] - order[v]):
+            for w in range(v, ends[last - order[u] - order[v]]):
                 third = product(product(w, u), v)
                 yield Counter((product(pair, w), product(other, w), third)), NO_PRODUCT, NO_PRODUCT
     yield from _root_colors(table, blocks)
-
-
-def _up_to(table: TreeTable, first: int, order: int) -> range:
-    """Ids ≥ `first` of trees with at most `order` nodes."""
-    return range(first, table.ids(order).stop) if order > 0 else range(0)
 
 
 def cubic_invariants(
@@ -380,22 +459,11 @@ def cubic_invariants(
     fields that share the invariants, only compositions of their exact flows do. So a series that conserves cubic
     invariants conserves invariants of every degree.
 
-    Args:
-        method: A method, a flow, or a field.
-        order: The largest number of nodes; by default the order of a series, and for a method that of `check`.
-        colors_are: ``"blocks"``: the whole field has the invariant; ``"parts"``: each f^[ν] has it. By default blocks
-            if two colours are called p and q, or v and x.
-
-    Returns:
-        A `Verdict`.
-
-    Raises:
-        SeriesError: `method` is neither a method nor a series, `order` exceeds the order of the series, or the series
-            is on a restricted table.
+    Arguments and errors are those of `symplecticity`, and `method` may be a field, on a table that is not restricted.
+    Blocks: the whole field has the invariant. Parts: each f^[ν] has it.
 
     Example:
-        >>> import bseries as bs
-        >>> cubic_invariants(bs.method("gauss3"), 7)[:2]
+        >>> cubic_invariants("gauss3", 7)[:2]
         (6, Tree('[[[τ]],[[τ]]]'))
 
     References:

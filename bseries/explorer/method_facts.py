@@ -10,7 +10,7 @@ import numpy as np
 from bseries.algebra.modified import modified_equation
 from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
-from bseries.analysis.stability import linear_stability
+from bseries.analysis.stability import criteria
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
 from integrators.methods.programs.program import Method
@@ -176,10 +176,10 @@ def stability_shapes(method: Any) -> StabilityShapes:
         G. Wanner, E. Hairer, S. P. Nørsett, Order stars and stability theorems, BIT 18 (1978) 475–489,
         doi:10.1007/BF01932026.
     """
-    R = linear_stability.stability_function(method)
+    R = criteria.stability_function(method)
     if R.parameters:
         raise SeriesError(f"method must have numbers for {', '.join(R.parameters)} to have a stability region")
-    intervals = linear_stability.real_stability_interval(R), linear_stability.imaginary_stability_interval(R)
+    intervals = criteria.real_stability_interval(R), criteria.imaginary_stability_interval(R)
     ends = [end for end in intervals if end is not None and math.isfinite(end)]
     radius = min(1.2 * max([LEAST, *ends]), MOST)
     axis = np.linspace(-radius, radius, POINTS)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bseries.analysis.stability.linear_stability import stability_function
+from bseries.analysis.stability.criteria import stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step

@@ -26,7 +26,7 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from bseries.algebra.stages import check_method
-from bseries.analysis.stability.linear_stability import stability_function
+from bseries.analysis.stability.criteria import stability_function
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
 from bseries.fields.truncation import convergence_radius

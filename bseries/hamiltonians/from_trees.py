@@ -23,9 +23,8 @@ import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
-from bseries.analysis.order import trusted
+from bseries.analysis.order import Verdict, trusted
 from bseries.analysis.structure import hamiltonian_field
-from bseries.analysis.structure_conditions import Verdict
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas

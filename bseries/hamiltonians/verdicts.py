@@ -22,9 +22,8 @@ import sympy
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
-from bseries.analysis.order import order_of, samples_of, trusted
-from bseries.analysis.structure import hamiltonian_field
-from bseries.analysis.structure_conditions import SEPARABLE, Verdict, failing
+from bseries.analysis.order import Verdict, order_of, samples_of, trusted
+from bseries.analysis.structure import SEPARABLE, failing, hamiltonian_field
 from bseries.fields.differential_rings import MOST_MONOMIALS
 from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.modified_fields import SceneSeries, modified_field

@@ -22,6 +22,7 @@ from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 from bseries.exceptions import SeriesError
+from integrators.exact.polynomials import from_flint, to_flint_matrix
 
 LEAST_ORDER, MOST_ORDER = 2, 24
 
@@ -149,12 +150,8 @@ def _product(centre: int, lag: int) -> Waves:
 
 def _solution(rows: list[list[Fraction]]) -> list[Fraction]:
     """The unique solution of a linear system, whose right-hand side is the last column."""
-    import flint
-
     unknowns = len(rows[0]) - 1
-    entries = [flint.fmpq(x.numerator, x.denominator) for row in rows for x in row]
-    reduced, rank = flint.fmpq_mat(len(rows), unknowns + 1, entries).rref()
+    reduced, rank = to_flint_matrix(rows).rref()
     if rank != unknowns or any(reduced[k, k] != 1 for k in range(unknowns)):
         raise ArithmeticError("the linear system of a shadow energy must have one solution")
-    found = [reduced[k, unknowns] for k in range(unknowns)]
-    return [Fraction(int(x.p), int(x.q)) for x in found]
+    return [from_flint(reduced[k, unknowns]) for k in range(unknowns)]

@@ -1,4 +1,4 @@
-"""Report on shadow energies: the size of the step, the drift of the energy, and the step for an error bound."""
+"""Statistics of shadow energies in one pass, and the report: the step, the drift, the step for an error bound."""
 
 from __future__ import annotations
 
@@ -7,21 +7,157 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
-from bseries.shadow.statistics import OrderStatistics, Statistics
 from foundation.diagrams import OVER_DATA, axis_label, draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
+from trees.compiled import float_kernel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+BLOCKS = 2048
+LEAST_BLOCKS = 16
+"""Least number of blocks for an error estimate."""
+WANDERS = 2.5
+"""Ratio of squared differences of distant and neighbouring blocks from which on values are a random walk."""
+
+
+class OrderStatistics(NamedTuple):
+    """Statistics of the shadow energy of one order along a trajectory."""
+
+    order: int  # the order; 2 is the energy itself
+    mean: float  # its mean
+    deviation: float  # half its range
+    scatter: float  # its standard deviation about a straight line in time
+    gap: float | None  # half the range of its difference to the order before; None for order 2
+    drift: float  # the slope of the line by least squares, in energy per time
+    drift_error: float  # the standard error of the slope, with correlations in time taken into account
+
+
+@float_kernel
+def add_values(values, first, moments, blocks, position, size):
+    """Add values (orders, steps) to the statistics.
+
+    Args:
+        values: Values at consecutive steps.
+        first: The value of step 0 for each order, which is subtracted.
+        moments: For each order the sums of v, n v and v², the extremes of v, and those of its difference to the order
+            before.
+        blocks: For each order and block the sum and the extremes of v.
+        position: The number of the first step.
+        size: The number of steps in a block.
+    """
+    orders, steps = values.shape
+    for order in range(orders):
+        total, sums, before = moments[order], blocks[order], max(order - 1, 0)
+        for k in range(steps):
+            n = position + k
+            v = values[order, k] - first[order]
+            lower = values[before, k] - first[before]
+            total[0] += v
+            total[1] += n * v
+            total[2] += v * v
+            total[3], total[4] = min(total[3], v), max(total[4], v)
+            total[5], total[6] = min(total[5], v - lower), max(total[6], v - lower)
+            block = sums[n // size]
+            block[0] += v
+            block[1], block[2] = min(block[1], v), max(block[2], v)
+
+
+class Statistics:
+    """Statistics of the shadow energies of several orders after any number of steps, in constant memory."""
+
+    def __init__(self, orders: tuple[int, ...]):
+        self.orders, self.count, self.size = orders, 0, 1
+        self.first = np.zeros(len(orders))
+        self._moments = np.zeros((len(orders), 7))
+        self._moments[:, [3, 5]], self._moments[:, [4, 6]] = np.inf, -np.inf
+        self._blocks = _empty(len(orders))
+
+    def add(self, values: np.ndarray) -> None:
+        """Add the values (orders, steps) of the next steps."""
+        if not self.count:
+            self.first = values[:, 0].copy()
+        done = 0
+        while done < values.shape[1]:
+            if self.count == BLOCKS * self.size:
+                self._merge()
+            taken = values[:, done : done + BLOCKS * self.size - self.count]
+            add_values.compiled(taken, self.first, self._moments, self._blocks, self.count, self.size)
+            self.count += taken.shape[1]
+            done += taken.shape[1]
+
+    def _merge(self) -> None:
+        """Merge blocks in pairs."""
+        pairs, merged = self._blocks, _empty(len(self.orders))
+        one, other, half = pairs[:, ::2], pairs[:, 1::2], BLOCKS // 2
+        merged[:, :half, 0] = one[..., 0] + other[..., 0]
+        merged[:, :half, 1] = np.minimum(one[..., 1], other[..., 1])
+        merged[:, :half, 2] = np.maximum(one[..., 2], other[..., 2])
+        self._blocks, self.size = merged, 2 * self.size
+
+    def blocks(self) -> np.ndarray:
+        """Mean, least and largest values of full blocks, (orders, blocks, 3), relative to the first value."""
+        found = self._blocks[:, : self.count // self.size].copy()
+        found[..., 0] /= self.size
+        return found
+
+    def results(self, h: float) -> tuple[OrderStatistics, ...]:
+        """The statistics so far, for steps of size h."""
+        blocks = self.blocks()
+        return tuple(self._of_order(k, h, blocks[k, :, 0]) for k in range(len(self.orders)))
+
+    def _of_order(self, k: int, h: float, means: np.ndarray) -> OrderStatistics:
+        n = self.count
+        total, weighted, squares, least, largest, least_gap, largest_gap = map(float, self._moments[k])
+        slope = (weighted - 0.5 * (n - 1) * total) * 12 / (n * (n * n - 1.0))
+        about_line = squares - total * total / n - slope * slope * n * (n * n - 1.0) / 12
+        return OrderStatistics(
+            order=self.orders[k],
+            mean=float(self.first[k]) + total / n,
+            deviation=0.5 * (largest - least),
+            scatter=math.sqrt(max(about_line, 0.0) / (n - 2)),
+            gap=0.5 * (largest_gap - least_gap) if k else None,
+            drift=slope / h,
+            drift_error=slope_error(means) / (self.size * abs(h)),
+        )
+
+
+def slope_error(means: np.ndarray) -> float:
+    """The standard error per block of the slope of a line through the means of blocks.
+
+    Blocks are merged until few are left, and the largest error is used: it grows as long as neighbouring blocks are
+    correlated, then stays constant. Random walks are taken into account as well.
+
+    References:
+        Flyvbjerg, Petersen, J. Chem. Phys. 91 (1989) 461, doi:10.1063/1.457480 (blocks).
+    """
+    errors, width = [0.0], 1
+    while len(means) >= LEAST_BLOCKS:
+        places = np.arange(len(means)) - 0.5 * (len(means) - 1)
+        spread = float(places @ places)
+        rest = means - np.mean(means) - places * (float(places @ means) / spread)  # about the least-squares line
+        errors.append(math.sqrt(float(rest @ rest) / (len(means) - 2) / spread) / width)
+        if len(means) < 4 * LEAST_BLOCKS:
+            far = len(rest) // 4
+            near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
+            if distant > WANDERS * near:  # the slope of a random walk, whose variance grows by this per block
+                errors.append(math.sqrt(1.2 * ((distant - near) / (far - 1)) / len(means)) / width)
+        means, width = means[: len(means) // 2 * 2].reshape(-1, 2).mean(axis=1), 2 * width
+    return max(errors)
+
+
+def _empty(orders: int) -> np.ndarray:
+    return np.tile([0.0, np.inf, -np.inf], (orders, BLOCKS, 1))
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
@@ -48,35 +184,28 @@ def _cells(row: OrderStatistics) -> list[str]:
 
 def _sentences(report: ShadowReport, bound: float | None) -> Iterator[str]:
     """The conclusions from the table, in sentences, with the step size for a bound of the energy's deviation."""
-    yield f"Best order: {report.best.order}, scatter {report.best.scatter:.2g}; {LIMITS[report.limit]}."
-    yield _on_drift(report)
-    yield _on_step(report)
+    best, most = report.best, report.largest_step
+    yield f"Best order: {best.order}, scatter {best.scatter:.2g}; {LIMITS[report.limit]}."
+    drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
+    alone = f"(from the energy alone: ± {report.rows[0].drift_error:.1g})."
+    if report.has_drift:
+        change = best.drift * report.h * (report.states - 1)
+        yield f"Drift: {drift} energy per time, {change:.2g} in all {alone}"
+    else:
+        yield f"No drift: {drift} is zero within 3 standard errors {alone}"
+    if most is not None:
+        part = report.h / most
+        size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
+        where = "where order 4 is no steadier than the energy"
+        yield f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, {where}."
+    elif best.order > 2:
+        yield "Step: no order above 4 is useful; the step is small."
+    elif report.limit == "rounding":
+        yield "Step: the energy changes by no more than rounding, so the step cannot be judged."
+    else:
+        yield "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
     if bound is not None:
         yield f"The energy stays within ±{bound:g} with steps up to h = {report.step_for(bound):.3g}."
-
-
-def _on_drift(report: ShadowReport) -> str:
-    best, energy = report.best, report.rows[0]
-    change = best.drift * report.h * (report.states - 1)
-    drift = f"{best.drift:.2g} ± {best.drift_error:.1g}"
-    if not report.has_drift:
-        return (
-            f"No drift: {drift} is zero within 3 standard errors (from the energy alone: ± {energy.drift_error:.1g})."
-        )
-    return f"Drift: {drift} energy per time, {change:.2g} in all (from the energy alone: ± {energy.drift_error:.1g})."
-
-
-def _on_step(report: ShadowReport) -> str:
-    most = report.largest_step
-    if most is None and report.best.order > 2:
-        return "Step: no order above 4 is useful; the step is small."
-    if most is None and report.limit == "rounding":
-        return "Step: the energy changes by no more than rounding, so the step cannot be judged."
-    if most is None:
-        return "Step: no order is steadier than the energy; the step is too large, or forces are not smooth."
-    part = report.h / most
-    size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
-    return f"Step: h = {report.h:g} is {size}, {part:.2g} of {most:.3g}, where order 4 is no steadier than the energy."
 
 
 SIZE = (17.0, 6.0)
@@ -109,15 +238,6 @@ def _draw_times(report: ShadowReport, ax: Axes, k: int, color: str) -> None:
 
 
 MOST_CURVES = 6
-
-
-def _shown_orders(known: Sequence[int], best: int) -> list[int]:
-    """The orders to the best one; the first and the last of them and some between if they are many."""
-    useful = [order for order in known if order <= best]
-    step = -(-len(useful) // (MOST_CURVES - 1))
-    return sorted({*useful[::step], best})
-
-
 GAIN = 1.25
 """Least reduction of the scatter, as a factor, that makes a higher order useful."""
 LOSS = 3.0
@@ -162,6 +282,7 @@ class ShadowReport:
         values: Mapping[int, np.ndarray] | None,
     ):
         self.label, self.h, self.start, self.states, self.values = label, h, start, states, values
+        self._end = start + h * (states - 1)
         self.rows = tuple(row._replace(mean=row.mean + offset) for row in statistics.results(h))
         self._statistics = statistics
         self._rounding = rounding
@@ -170,10 +291,6 @@ class ShadowReport:
         return (
             f"<ShadowReport of {self.label}: orders 2 to {self.rows[-1].order}, {self.states:,} states, h = {self.h:g}>"
         )
-
-    @property
-    def _end(self) -> float:
-        return self.start + self.h * (self.states - 1)
 
     @property
     def best(self) -> OrderStatistics:
@@ -323,7 +440,9 @@ class ShadowReport:
         for order in items(orders or (), "orders"):
             if order not in known:
                 raise SeriesError(f"orders must be of {', '.join(map(str, known))}, but one was {order!r:.60}")
-        chosen = _shown_orders(known, self.best.order) if orders is None else list(orders)
+        useful = known[: known.index(self.best.order) + 1]
+        step = -(-len(useful) // (MOST_CURVES - 1))
+        chosen = sorted({*useful[::step], useful[-1]}) if orders is None else list(orders)
         t, blocks = self.blocks()
         curves = {}
         for order in chosen:

@@ -5,22 +5,24 @@ from __future__ import annotations
 import fnmatch
 import os
 import re
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import chain, islice
+from types import ModuleType
 from typing import IO, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from bseries.shadow.scene_forces import SceneForces
+from integrators import Scene
+from integrators.compile.modules import load_module
+from integrators.compile.printer import ModuleText
+from integrators.compile.scene_source import energy_lines, field_lines
 from integrators.core.text_files import read_lines
 from integrators.runs.trajectory import Trajectory
+from integrators.scenes.particles.parts import Piece, degrees
 from integrators.scenes.text import scene_from_table
 
 Columns: TypeAlias = Mapping[str, np.ndarray]
@@ -28,34 +30,88 @@ Columns: TypeAlias = Mapping[str, np.ndarray]
 
 MEANINGS = {"q": "positions", "p": "momenta", "v": "velocities", "U": "the potential", "F": "forces"}
 MEANINGS |= {"gradU": "the potential's gradient"}
-NAMES = {
-    "t": ("t", "time", "times"),
-    "q": ("q", "position", "positions", "coordinates", "x", "r"),
-    "p": ("p", "momentum", "momenta"),
-    "v": ("v", "velocity", "velocities", "vel"),
-    "U": ("U", "potential", "potential_energy", "PotEng", "epot"),
-    "F": ("F", "f", "force", "forces"),
-    "gradU": ("gradU", "gradient", "gradients", "g"),
-    "mass": ("mass", "masses", "m"),
-    "h": ("h", "dt", "timestep"),
-}
-"""What programs call the columns of each role."""
-COMPONENT = re.compile(r"(gradU|[qpvFf])_?([xyz\d_]+)|([xyz]\d*)")
-"""One coordinate of a role: q1, p_2, vx1, fy; x1 is a position."""
-PLACES = re.compile(r"(\d*):(\d*)")
 VECTORS = ("q", "p", "v", "F", "gradU")
+TEXT_ROLES = ("t", "q", "p", "v", "U", "F", "gradU")
+ROLES = (*TEXT_ROLES, "mass", "h")
+"""Names of columns and of arrays; columns of vectors are numbered, as q1, q2."""
 SAME = {"p": "v", "v": "p", "F": "gradU", "gradU": "F"}
 """Roles for the same quantity; choosing one sets the other aside."""
+PLACES = re.compile(r"(\d*):(\d*)")
 MOST_LETTERS = 100
 """Most characters of a path in a message."""
-DAMAGE = (
-    OSError, ValueError, EOFError, OverflowError, MemoryError, NotImplementedError, TypeError, KeyError, SyntaxError,
-    tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
-"""Errors of NumPy for damaged files."""
-ROUNDINGS = 16
-"""Rounding errors in a stored number."""
-DOUBLE = 2.0**-52
+FORMULAS = '''\
+"""Potentials and their gradients.
+
+{state}
+"""
+
+{imports}
+from integrators.compile.machine import inlined, kept
+{constants}
+'''
+LOOP = """\
+for k in range(positions.shape[0]):
+    state[first : first + positions.shape[1]] = positions[k]
+    field(state, out)
+    for d in range(positions.shape[1]):
+        gradients[k, d] = -out[momenta + d]
+    potentials[k] = energy(state)"""
+
+
+class SceneForces:
+    """Potentials and their gradients of a scene with H = pᵀM⁻¹p/2 + U(q); others are refused.
+
+    `names` are those of momenta and of positions, and `inverse_masses` is the matrix M⁻¹.
+    """
+
+    def __init__(self, scene: Any):
+        if not isinstance(scene, Scene):
+            raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+        blocks = scene.canonical_pair if scene.is_hamiltonian else None
+        if blocks is None:
+            raise SeriesError(f"scene must have a Hamiltonian of momenta and positions, but {scene.name} has none")
+        of_p, of_q = degrees(scene, [Piece(frozenset({block.name})) for block in blocks])
+        if of_p[0] != 0 or of_q[:2] != [1, 0]:
+            raise SeriesError(
+                f"scene must have the Hamiltonian p^T M^-1 p/2 + U(q) with constant masses, but that of {scene.name} "
+                "is another"
+            )
+        self._p, self._q = blocks
+        self.names = self._p.variables, self._q.variables
+        self._module = _module(scene)
+        self._state, self._out = np.zeros(scene.dimension), np.empty(scene.dimension)
+        units = np.eye(self._p.dimension)
+        at_rest = self._velocities(np.zeros(self._p.dimension))
+        self.inverse_masses = np.array([self._velocities(unit) - at_rest for unit in units])  # q' is linear in p
+        if at_rest.any():
+            raise SeriesError(f"scene must have velocities M^-1 p, but those of {scene.name} are not zero for p = 0")
+
+    def _velocities(self, momenta: np.ndarray) -> np.ndarray:
+        """q' for given momenta; it does not depend on the positions."""
+        self._state[self._p.offset : self._p.end] = momenta
+        self._module.field(self._state, self._out)
+        self._state[self._p.offset : self._p.end] = 0.0
+        return self._out[self._q.offset : self._q.end].copy()
+
+    def __call__(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The gradients (steps, coordinates) and the potentials (steps,) at positions (steps, coordinates)."""
+        gradients, potentials = np.empty(positions.shape), np.empty(len(positions))
+        places = self._q.offset, self._p.offset
+        self._module.sweep(positions, self._state, self._out, *places, gradients, potentials)
+        return gradients, potentials
+
+
+def _module(scene: Scene) -> ModuleType:
+    """The compiled functions of a scene, with a loop over positions at zero momenta."""
+    from integrators.compile import machine
+
+    writer = ModuleText()
+    lines = field_lines(scene.numeric_terms, lambda term: term.outputs, range(scene.dimension), writer)
+    writer.function("field(y, out)", "Put f(y) in out.", lines, "@kept")
+    writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer), "@inlined")
+    signature = "sweep(positions, state, out, first, momenta, gradients, potentials)"
+    writer.function(signature, "Put gradients and potentials in their arrays.", LOOP.split("\n"), "@kept")
+    return load_module(writer.source(scene, FORMULAS), helpers=[machine])
 
 
 class Source(NamedTuple):
@@ -65,7 +121,6 @@ class Source(NamedTuple):
     blocks: Callable[[int], Iterator[Columns]]  # the columns by role, in blocks with at most this number of steps
     states: int | None  # the number of states; None if unknown before reading
     dimension: int  # the number of coordinates
-    precision: float = ROUNDINGS * DOUBLE  # the relative error of its numbers, from the coarsest array
     h: float | None = None  # the step size, if stored
     every: int = 1  # the steps per stored state; 0 if only the start and the end are stored
     mass: Any = None  # masses, if stored
@@ -73,10 +128,8 @@ class Source(NamedTuple):
     forces: SceneForces | None = None  # the scene that supplies potentials and forces, unless columns do
 
 
-def open_source(trajectory: Any, columns: Mapping[str, Any] | None = None, forces: SceneForces | None = None) -> Source:
+def open_source(trajectory: Any, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
     """The source of a trajectory: its `columns` by role, and the scene that supplies forces, if there is one."""
-    from integrators import Trajectory
-
     if columns is not None and not isinstance(columns, Mapping):
         raise SeriesError(f'columns must be a dict, as in {{"q": "x*"}}, but was {columns!r:.60}')
     label = "trajectory"
@@ -108,7 +161,7 @@ def _stored(path: str, label: str) -> Any:
         elif not start.startswith(b"\x93NUMPY"):
             return path
         stored = np.load(path, mmap_mode="r", allow_pickle=False)
-    except DAMAGE as error:
+    except Exception as error:  # damaged files cause errors of a dozen kinds
         raise SeriesError(f"{label} must be text, an NPY or an NPZ file, but was not: {error}") from None
     if isinstance(stored, Mapping) and {"t", "y", "variables"} <= set(stored):
         return load_trajectory(path)
@@ -145,7 +198,9 @@ def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces:
         raise SeriesError(
             f"{label} must have the variable {missing} of the scene, but has {', '.join(run.variables):.200}"
         )
-    places = {role: _places(block, run.variables) for role, block in zip("pq", forces.names, strict=True)}
+    places = {
+        role: [run.variables.index(name) for name in block] for role, block in zip("pq", forces.names, strict=True)
+    }
 
     def blocks(size: int) -> Iterator[Columns]:
         for start in range(0, len(run.t), size):
@@ -158,41 +213,33 @@ def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces:
     return Source(label, blocks, len(run.t), len(forces.names[1]), h=run.h, every=every, method=method, forces=forces)
 
 
-def _places(names: Sequence[str], variables: Sequence[str]) -> slice | list[int]:
-    """The indices of variables; consecutive ones as a slice, which avoids copies."""
-    places = [variables.index(name) for name in names]
-    whole = slice(places[0], places[0] + len(places))
-    return whole if tuple(variables[whole]) == tuple(names) else places
-
-
 def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
     """The source of a table: names of columns in the first line, unless `columns` has places, then a line per state."""
     lines = _lines(file, label)
-    heading = next(lines, "")
-    separator = next((mark for mark in ",;\t" if mark in heading), None)
-    names = [name.strip().strip('"') for name in heading.lstrip("# ").split(separator) if name.strip()]
-    if not names or all(map(_is_number, names)):
+    heading = next(lines, "").lstrip("# ")
+    separator = "," if "," in heading else None
+    names = [name.strip().strip('"') for name in heading.split(separator)]
+    if all(map(_is_number, names)):
         if columns is None:
             raise SeriesError(
                 f"{label} must begin with the names of its columns, but began with {heading!r:.60}: columns assigns "
                 'places, as in "t=0,q=1:3"'
             )
         lines, names = chain([heading], lines), [str(k) for k in range(len(names))]
-    found = find_roles(names, columns, label, forces, ("t", "U", *VECTORS))
+    found = _find_roles(names, columns, label, forces, TEXT_ROLES)
     for role, chosen in found.items():
         _check_width(role, len(chosen), len(found["q"]))
-    places = [(name, names.index(name)) for role in found.values() for name in role]
+    places = [names.index(name) for role in found.values() for name in role]
     ends = np.cumsum([len(role) for role in found.values()])
 
     def blocks(size: int) -> Iterator[Columns]:
         first = 1
         while piece := list(islice(lines, size)):
             try:
-                table = np.loadtxt(piece, delimiter=separator, usecols=[k for _, k in places], ndmin=2, comments=None)
-            except ValueError:
-                for state, line in enumerate(piece, first):
-                    _check_row(line.split(separator), places, f"{label} must have numbers in state {state}")
-                raise
+                table = np.loadtxt(piece, delimiter=separator, usecols=places, ndmin=2, comments=None)
+            except ValueError as error:
+                rows = f" (row 0 is state {first})" * (first > 1)
+                raise SeriesError(f"{label} must have numbers in its columns, but {error}{rows}") from None
             first += len(piece)
             parts = zip(found, np.split(table, ends[:-1], axis=1), strict=True)
             yield {role: rows if role in VECTORS else rows[:, 0] for role, rows in parts}
@@ -214,79 +261,52 @@ def _lines(source: str | IO[Any], label: str) -> Iterator[str]:
             raise SeriesError(f"{label} must be text in UTF-8, an NPY or an NPZ file, but was neither") from None
 
 
-def _check_row(cells: Sequence[str], places: Sequence[tuple[str, int]], must: str) -> None:
-    """Check that a line has numbers in its columns."""
-    for name, k in places:
-        if k >= len(cells):
-            raise SeriesError(f"{must}, but it has {len(cells)} columns and {name} is number {k + 1}")
-        if not _is_number(cells[k].strip()):
-            raise SeriesError(f"{must}, but {name} was {cells[k].strip()!r:.60}")
-
-
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        float(text or "0")
     except ValueError:
         return False
-    return text.isascii() and "_" not in text  # Python also reads other digits and underscores
+    return True
 
 
-def find_roles(
+def _find_roles(
     names: Iterable[str],
     columns: Mapping[str, Any] | None,
     label: str,
     forces: SceneForces | None,
-    roles: Sequence[str] = tuple(NAMES),
+    roles: Sequence[str],
 ) -> dict[str, list[str]]:
-    """The names of the columns of each role: as chosen, by the names of a scene, or by usual names."""
-    names, chosen = [str(name) for name in names], columns or {}
+    """The names of the columns of each role: as chosen, or those of a scene, or the role's own, perhaps numbered."""
+    names, chosen = list(names), columns or {}
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
         raise SeriesError(f"{label} must have different names, but has {twice!r:.60} twice")
+    unknown = next((role for role in chosen if role not in roles), None)
+    if unknown is not None:
+        raise SeriesError(f"columns must be for {', '.join(roles)}, but one was for {unknown!r:.60}")
     if forces is not None and not chosen and {name for block in forces.names for name in block} <= set(names):
         found = dict(zip("pq", map(list, forces.names), strict=True))
         roles = [role for role in roles if role in ("t", "mass", "h")]
     else:
-        found = {role: _chosen(role, what, names, label, roles) for role, what in chosen.items()}
-    parts = {role: by_key for role, by_key in _components(names).items() if role not in found}
-    order = parts.get("q")
+        found = {role: _chosen(what, names, label) for role, what in chosen.items()}
     for role in roles:
-        if role in found or SAME.get(role) in chosen:
-            continue
-        usual = next((name for name in NAMES[role] if name in names), None)
-        several = parts.get(role, {})
-        if usual is not None and not (len(several) > 1 and usual in several.values()):  # x beside y is not all of q
-            found[role] = [usual]
-        elif several:
-            missing = next((key for key in order or () if key not in several), None)
-            if order and missing is not None:
-                raise SeriesError(f"{label} must have a column {role}{missing} beside {order[missing]}, but has none")
-            found[role] = [several[key] for key in order or several]
+        numbered = rf"{role}(_?\d+)?" if role in VECTORS else role
+        own = [role] if role in names else [name for name in names if re.fullmatch(numbered, name)]
+        if own and role not in found and SAME.get(role) not in chosen:
+            found[role] = own
     for choices in [("q",), ("p", "v")] + ([] if forces else [("U",), ("F", "gradU")]):
         if found.keys().isdisjoint(choices):
             texts = " or ".join(f"{MEANINGS[role]} ({role})" for role in choices)
             scene = "" if choices[0] in "qp" else ", or a scene supply it"
             raise SeriesError(
-                f"{label} must have {texts}, but has {', '.join(names) or 'nothing':.200}; columns can name it{scene}"
+                f"{label} must have {texts}, but has {', '.join(names) or 'nothing':.200}; columns can name it, as in "
+                f"{choices[0]}=NAME{scene}"
             )
     return found
 
 
-def _components(names: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Names such as x1, vx1, fx1 or q1, p1 by role and by coordinate."""
-    found: dict[str, dict[str, str]] = {}
-    for name in names:
-        match = COMPONENT.fullmatch(name)
-        if match:
-            role = "q" if match[3] else match[1].replace("f", "F")
-            found.setdefault(role, {})[match[3] or match[2].strip("_")] = name
-    return found
-
-
-def _chosen(role: str, what: Any, names: list[str], label: str, roles: Sequence[str]) -> list[str]:
+def _chosen(what: Any, names: list[str], label: str) -> list[str]:
     """The names that ``x*``, ``x,y``, a place such as 3 or places such as ``1:3`` stand for."""
-    if role not in roles:
-        raise SeriesError(f"columns must be for {', '.join(roles)}, but one was for {role!r:.60}")
     found: list[str] = []
     for piece in what.split(",") if isinstance(what, str) else what if isinstance(what, list | tuple) else [what]:
         text = str(piece).strip()
@@ -307,10 +327,11 @@ def _of_arrays(
 ) -> Source:
     """The source of arrays, (variables, times) or (times, …) each: (times, …) if both axes are as long as the times."""
     by_text = {str(name): name for name in arrays}
-    found = find_roles([str(name) for name in arrays], columns, label, forces)
+    found = _find_roles([str(name) for name in arrays], columns, label, forces, ROLES)
     numbers = {role: [_array(arrays, by_text[name], label) for name in names] for role, names in found.items()}
-    precisions = [float(np.finfo(x.dtype).eps) for part in numbers.values() for x in part if x.dtype.kind == "f"]
     masses, h = (numbers.pop(role, [None])[0] for role in ("mass", "h"))
+    if h is not None and (not h.size or np.any(h != h.flat[0])):  # true for nan
+        raise SeriesError(f"h must be one finite number, but was {np.array2string(h, threshold=5):.60}")
     positions = np.atleast_1d(numbers["q"][0])
     turned = forces is not None and len(positions) == len(forces.inverse_masses) and len(numbers["q"]) == 1
     states = positions.shape[-1 if turned else 0]
@@ -326,10 +347,7 @@ def _of_arrays(
             piece = {role: np.asarray(x[start : start + size], dtype=float) for role, x in rows.items()}
             yield {role: x if role in VECTORS else x[:, 0] for role, x in piece.items()}
 
-    precision = ROUNDINGS * max([DOUBLE, *precisions])
-    return Source(
-        label, blocks, count, dimension, precision, None if h is None else _step(h), mass=masses, forces=forces
-    )
+    return Source(label, blocks, count, dimension, None if h is None else float(h.flat[0]), mass=masses, forces=forces)
 
 
 def _check_width(role: str, width: int, dimension: int) -> None:
@@ -344,20 +362,13 @@ def _array(arrays: Mapping[str, Any], name: Any, label: str) -> np.ndarray:
     """A stored array of real numbers."""
     try:
         array = np.asanyarray(arrays[name])
-    except DAMAGE as error:
+    except Exception as error:  # as for files
         raise SeriesError(
             f"{label} must have an array of real numbers {name}, but it cannot be read: {error}"
         ) from None
     if array.dtype.kind not in "fiu":
         raise SeriesError(f"{name} must be an array of real numbers, but was of the kind {array.dtype}")
     return array
-
-
-def _step(h: np.ndarray) -> float:
-    """The step size, which may be repeated for each step."""
-    if not h.size or np.any(h != h.flat[0]):  # true for nan
-        raise SeriesError(f"h must be one finite number, but was {np.array2string(h, threshold=5):.60}")
-    return float(h.flat[0])
 
 
 def _rows(values: np.ndarray, count: int, role: str) -> np.ndarray:

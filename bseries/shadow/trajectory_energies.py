@@ -1,34 +1,22 @@
-"""Shadow energies of a finished trajectory: is the step too large, and does the energy drift?"""
+"""Shadow energies of a finished trajectory: is the step too large, and does the energy drift?
+
+States become mass-weighted and are taken to full steps of kick–drift–kick; those that are no consecutive steps of it
+are refused with a diagnosis. The energies of all orders are then computed in one pass.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
-from bseries.shadow.report import ShadowReport
-from bseries.shadow.scene_forces import SceneForces
-from bseries.shadow.sources import Columns, Source, open_source
-from bseries.shadow.states import (
-    LAYOUTS,
-    MIDDLE,
-    Masses,
-    States,
-    check_columns,
-    check_finite,
-    check_potential,
-    check_steps,
-    longest,
-    positive_numbers,
-    read_states,
-    refuse_thinned,
-)
-from bseries.shadow.statistics import Statistics
+from bseries.shadow.report import ShadowReport, Statistics
+from bseries.shadow.sources import Columns, SceneForces, Source, open_source
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
@@ -37,9 +25,22 @@ from trees.compiled import float_kernel
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""
 TOLERANCE = 1e-9
+PRECISION = 16 * 2.0**-52
+"""Relative error of the numbers of a state."""
 USUAL_ORDER = 16
 LEAST_VALUES = 16
 """Least number of shadow energies."""
+FULL, BEHIND, AHEAD, MIDDLE = "full", "half-behind", "half-ahead", "drift-kick-drift"
+LAYOUTS = (FULL, BEHIND, AHEAD, MIDDLE)
+"""Storage of momenta: with their positions; half a step before or after them; or for the other kind of step."""
+CLOSE, ROUGH, EXACT = 1e-4, 0.03, 1e-9
+"""Largest unexplained part of a step for a valid diagnosis: for ratios, for long steps, and for exact definitions."""
+RARE, MANY, FAR = 0.05, 10.0, 0.3
+"""Share of steps with a cause of their own; factor of a jump; error of the ratio of potential and work."""
+ROUNDING = 1e-4
+"""Largest relative distance from a step that rounding of the data may explain."""
+PLURALS = {"t": "times", "q": "positions", "p": "momenta", "v": "velocities", "U": "potentials"}
+"""Names of columns in messages about infinite values; the others are forces."""
 
 
 def shadow_energy(
@@ -65,20 +66,20 @@ def shadow_energy(
     Args:
         trajectory: A `Trajectory`; arrays by name, (variables, times) or (times, …) each, also as a frame of pandas or
             xarray; or the path of a file: one of this package, NPZ, NPY, or text with the names of columns in its first
-            line. It has positions q, momenta p or velocities v, the potential U and its gradient gradU or forces F; and
-            optionally t, h and mass.
+            line. It has positions q (or q1, q2, …), momenta p or velocities v, the potential U and its gradient gradU
+            or forces F; and optionally t, h and mass.
         scene: A `Scene` or the name of one, which supplies masses, potentials and forces. Trajectories of this package
             contain theirs.
         order: The largest order, 2 to 24; by default 16, or what a short trajectory allows.
         h: The step size, if neither times nor the file contain it.
         mass: A mass, one for each particle, or one for each coordinate; by default that of the file, or 1.
-        columns: The columns of each role where names do not tell: names, patterns, or places from 0 on, as in
+        columns: The columns of each role that have other names: names, patterns, or places from 0 on, as in
             ``{"q": "x*", "U": "PotEng"}`` or ``{"t": 0, "p": "1:3", "q": "3:5"}``.
         layout: The storage layout of momenta: ``full``; ``half-behind`` or ``half-ahead`` of their positions by half a
             step ("leapfrog"); or ``drift-kick-drift`` for states of that method, which needs a scene.
         period: The edge of the periodic box of wrapped positions, or one for each coordinate.
-        tolerance: The largest distance of a state from a step of the method, relative to the largest numbers; by
-            default 1e-9, or 2e-6 if an array has single precision. Text with few digits needs more.
+        tolerance: The largest distance of a state from a step of the method, relative to the largest numbers. Arrays in
+            single precision and text with few digits need more than 1e-9.
         keep: Whether to keep the values, in `ShadowReport.values`.
         progress: Called with the number of states done and of all.
 
@@ -101,36 +102,35 @@ def shadow_energy(
         check_order(order)
     check_progress(progress)
     h = read_number(h, "h") if isinstance(h, str) else h
-    least = 0.0 if tolerance is None else read_number(tolerance, "tolerance")
-    if least < 0:
+    allowed = TOLERANCE if tolerance is None else read_number(tolerance, "tolerance")
+    if allowed < 0:
         raise SeriesError(f"tolerance must be 0 or more, but was {tolerance!r:.60}")
     source = open_source(trajectory, columns, None if scene is None else SceneForces(as_scene(scene)))
-    allowed = max(TOLERANCE, source.precision) if tolerance is None else least
     blocks, step, start = _timed(source, h, allowed)
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
     if layout == MIDDLE and source.forces is None:
         raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
-    edges, masses = _edges(period, source.dimension), _masses(source, mass)
-    states = read_states(blocks, masses, step, source, layout, edges)
+    edges = None if period is None else _positive_numbers(period, "period", source.dimension, np.tile)
+    masses = _masses(source, mass)
+    states = _read_states(blocks, masses, step, source, layout, edges)
 
-    def check(states: States, first: int) -> float:
-        rounding = check_steps(states, step, first, allowed, source, layout)
+    def check(states: _States, first: int) -> float:
+        rounding = _check_steps(states, step, first, allowed, source, layout)
         if first == 0:
-            check_potential(states, allowed, source)
+            _check_potential(states, allowed, source)
         return rounding
 
     with np.errstate(all="ignore"):  # numbers that overflow are refused where they are found
         return _measure(states, order, step, start, source, check, keep, progress)
 
 
-def _masses(source: Source, mass: Any) -> Masses:
+def _masses(source: Source, mass: Any) -> _Masses:
     """The masses of a scene, or those given or stored with the columns."""
     dimension = source.dimension
     if source.forces is None:
         given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
-        masses = positive_numbers(given, "mass", dimension)
-        return Masses(np.repeat(1 / masses, dimension // len(masses)))
+        return _Masses(1 / _positive_numbers(given, "mass", dimension, np.repeat))
     if mass is not None:
         raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
     inverse = source.forces.inverse_masses
@@ -139,15 +139,7 @@ def _masses(source: Source, mass: Any) -> Masses:
             f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
             f"{dimension} numbers for each state"
         )
-    return Masses(inverse)
-
-
-def _edges(period: Any, dimension: int) -> np.ndarray | None:
-    """The edge of the box for each coordinate; None if positions are not wrapped."""
-    if period is None:
-        return None
-    edges = positive_numbers(period, "period", dimension)
-    return np.tile(edges, dimension // len(edges))
+    return _Masses(inverse)
 
 
 def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[Columns], float, float]:
@@ -157,14 +149,14 @@ def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[
     if head is None or len(head["q"]) < 2:
         raise SeriesError(f"{source.label} must have at least {LEAST_VALUES + 2} states, but has fewer than 2")
     if source.every != 1:
-        refuse_thinned(source, f"are every {source.every}th of a run" if source.every else "are its start and end")
+        _refuse_thinned(source, f"are every {source.every}th of a run" if source.every else "are its start and end")
     t = head.get("t")
     if h is not None:
         step = read_number(h, "h")
     elif source.h is not None:
         step = source.h
     elif t is not None:
-        check_finite(t, "times", 0, source)
+        _check_finite(t, "times", 0, source)
         step = float(t[-1] - t[0]) / (len(t) - 1)
     else:
         raise SeriesError(f"h must be given where there are no times, but {source.label} has none")
@@ -174,7 +166,7 @@ def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[
     def checked() -> Iterator[Columns]:
         first, before = 0, None
         for columns in chain([head], blocks):
-            check_columns(columns, before, step, first, tolerance, source)
+            _check_columns(columns, before, step, first, tolerance, source)
             first, before = first + len(columns["q"]), None if t is None else float(columns["t"][-1])
             yield columns
 
@@ -182,12 +174,12 @@ def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[
 
 
 def _measure(
-    pieces: Iterator[States],
+    pieces: Iterator[_States],
     order: int | None,
     h: float,
     start: float,
     source: Source,
-    check: Callable[[States, int], float],
+    check: Callable[[_States, int], float],
     keep: bool,
     progress: Callable[[int, int], object] | None,
 ) -> ShadowReport:
@@ -198,26 +190,26 @@ def _measure(
     weights, works, products = formula_arrays([shadow_formula(order) for order in orders])
     halo = 2 * (weights.shape[1] - 1)
     done, most_rounding = 0, 0.0
-    before: States | None = None
+    before: _States | None = None
     for piece in chain([head], pieces):
         fresh = piece._replace(u=piece.u - offset)  # reduces rounding
         states = (
-            fresh if before is None else States(*(np.concatenate(x, axis=-1) for x in zip(before, fresh, strict=True)))
+            fresh if before is None else _States(*(np.concatenate(x, axis=-1) for x in zip(before, fresh, strict=True)))
         )
         steps = states.u.size
         rounding = check(states, done - (steps - piece.u.size))
-        rounding += source.precision * (float(np.max(np.abs(piece.u))) + longest(piece.p) * longest(piece.p))
+        rounding += PRECISION * (float(np.max(np.abs(piece.u))) + _longest(piece.p) * _longest(piece.p))
         most_rounding, done = max(most_rounding, rounding), done + piece.u.size
         if steps > halo:
             work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
             out = np.empty((len(orders), steps - halo))
             shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
             middle = done - steps + halo // 2
-            check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
+            _check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
             statistics.add(out)
             if keep:
                 kept.append(out + offset)
-            states = States(*(array[..., steps - halo :] for array in states))
+            states = _States(*(array[..., steps - halo :] for array in states))
         before = states
         if progress is not None:
             progress(done, source.states or done)
@@ -293,3 +285,225 @@ def _orders(order: int | None, states: int, source: Source) -> tuple[int, ...]:
     if order is not None and there[-1] != order:
         raise SeriesError(f"order must be at most {there[-1]} for {states} states, but was {order}")
     return there
+
+
+class _States(NamedTuple):
+    """Consecutive states: arrays (coordinates, steps), and (steps,) for u.
+
+    They are mass-weighted, q̂ = M^(1/2) q, p̂ = M^(−1/2) p, ĝ = M^(−1/2) ∇U, so that masses do not appear.
+    """
+
+    q: np.ndarray
+    p: np.ndarray
+    g: np.ndarray
+    u: np.ndarray
+
+
+class _Masses:
+    """The kinetic energy, as the factor L of M⁻¹ = L Lᵀ, for M⁻¹ or its diagonal: mass-weighted momenta are Lᵀp."""
+
+    def __init__(self, inverse: np.ndarray):
+        if inverse.ndim == 2 and not np.any(inverse - np.diag(np.diag(inverse))):
+            inverse = np.diag(inverse)
+        try:
+            if inverse.ndim == 1 and not (np.all(inverse > 0) and np.all(np.isfinite(inverse))):
+                raise np.linalg.LinAlgError
+            self._factor = np.sqrt(inverse) if inverse.ndim == 1 else np.linalg.cholesky(inverse)
+        except np.linalg.LinAlgError:
+            raise SeriesError("mass must be positive, but that of some coordinate was not") from None
+        self._inverse = 1 / self._factor if inverse.ndim == 1 else np.linalg.inv(self._factor)
+
+    def of_momenta(self, rows: np.ndarray) -> np.ndarray:  # or of gradients: (steps, coordinates) as weighted columns
+        return _weighted(rows, self._factor)
+
+    def of_positions(self, rows: np.ndarray) -> np.ndarray:  # or of velocities
+        return _weighted(rows, self._inverse.T)
+
+    def positions(self, columns: np.ndarray) -> np.ndarray:
+        return _weighted(columns.T, self._factor.T).T
+
+
+def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """The columns of rows times a factor, which is a matrix or its diagonal."""
+    if factor.ndim == 1:
+        return np.multiply(rows.T, factor[:, None], order="C")
+    return np.ascontiguousarray((rows @ factor).T)
+
+
+def _read_states(
+    blocks: Iterator[Columns], masses: _Masses, h: float, source: Source, layout: str, period: Any
+) -> Iterator[_States]:
+    """The states of successive blocks of columns; `period` is the box for each coordinate, or None."""
+    last, crossings = None, 0.0
+    for columns in blocks:
+        p = masses.of_momenta(columns["p"]) if "p" in columns else masses.of_positions(columns["v"])
+        q = columns["q"]
+        if period is not None:  # positions continue where they jump to the other side of the box
+            jumps = np.round(np.diff(q, axis=0, prepend=q[:1] if last is None else last) / period)
+            crossings = np.cumsum(jumps, axis=0) + crossings
+            last, q, crossings = q[-1:].copy(), q - period * crossings, crossings[-1:]
+        weighted = masses.of_positions(q)
+        if layout == MIDDLE:
+            weighted += 0.5 * h * p
+            q = masses.positions(weighted)
+        if source.forces is not None:
+            gradients, u = source.forces(np.ascontiguousarray(q))
+        else:
+            gradients, u = columns["gradU"] if "gradU" in columns else -columns["F"], columns["U"]
+        g = masses.of_momenta(gradients)
+        if layout != FULL:
+            p += (0.5 if layout == AHEAD else -0.5) * h * g
+        yield _States(weighted, p, g, u)
+
+
+def _longest(columns: np.ndarray) -> float:
+    """The length of the longest column, without overflow."""
+    most = float(np.max(np.abs(columns)))
+    return most * float(np.sqrt(np.max(np.sum((columns / most) ** 2, axis=0)))) if most else 0.0
+
+
+def _positive_numbers(value: Any, argument: str, dimension: int, spread: Callable[..., np.ndarray]) -> np.ndarray:
+    """Positive numbers for all coordinates, from one, or one for each particle, dimension of space or coordinate."""
+    try:
+        values = np.asarray(value, dtype=float).reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        raise SeriesError(f"{argument} must be numbers, but was {value!r:.60}") from None
+    if not len(values) or dimension % len(values):
+        raise SeriesError(
+            f"{argument} must be one number, or one for each particle or coordinate, but there were {len(values)} for "
+            f"{dimension} coordinates"
+        )
+    wrong = values[~((values > 0) & np.isfinite(values))]
+    if len(wrong):
+        raise SeriesError(f"{argument} must be positive, but one was {wrong[0]:g}")
+    return spread(values, dimension // len(values))
+
+
+def _check_columns(
+    columns: Columns, before: float | None, h: float, first: int, tolerance: float, source: Source
+) -> None:
+    """Check that columns are finite and times advance by h."""
+    for role, rows in columns.items():
+        _check_finite(rows.T, PLURALS.get(role, "forces"), first, source)
+    if "t" not in columns:
+        return
+    t = columns["t"] if before is None else np.concatenate(([before], columns["t"]))
+    steps = np.diff(t)
+    wrong = np.flatnonzero(~(np.abs(steps - h) <= 1e-3 * abs(h) + 2 * tolerance * np.max(np.abs(t))))
+    if len(wrong):
+        k, step = first + int(wrong[0]) + (before is None), float(steps[wrong[0]])
+        ratio = step / h
+        if np.isfinite(ratio) and round(ratio) > 1 and abs(ratio - round(ratio)) < CLOSE * ratio:
+            _refuse_thinned(source, f"are {round(ratio)} steps of size {h:g} apart")
+        distance = float(np.max(np.abs(steps - h)) / (2 * np.max(np.abs(t))))
+        raise SeriesError(
+            f"t must advance by one step, {h:g}, each time, but from state {k} to {k + 1} it advanced by {step:g}"
+            f"{_on_rounding(distance)}"
+        )
+
+
+def _check_finite(array: np.ndarray, name: str, first: int, source: Source) -> None:
+    """Check that numbers are finite."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        n = int(np.argmin(finite.reshape(-1, array.shape[-1]).all(axis=0)))
+        raise SeriesError(f"{source.label} must have finite {name}, but those of state {first + n + 1} are not")
+
+
+def _refuse_thinned(source: Source, what: str) -> NoReturn:
+    """Report missing steps."""
+    raise SeriesError(f"{source.label} must contain every step, but its states {what}")
+
+
+def _check_steps(states: _States, h: float, first: int, tolerance: float, source: Source, layout: str) -> float:
+    """Check that states, from number `first` on, are consecutive steps; returns the energy of the largest distance."""
+    q, p, g, u = states
+    for array, name in ((q, "positions"), (p, "momenta"), (g, "forces"), (u, "potentials")):
+        _check_finite(array, name, first, source)
+    if q.shape[1] < 2:
+        return 0.0
+    moved, drift, changed, impulse = _steps(states, h)
+    of_q, of_p = np.max(np.abs(moved - drift), axis=0), np.max(np.abs(changed - impulse), axis=0)
+    size_p = float(np.max(np.abs(p))) + abs(h) * float(np.max(np.abs(g)))
+    size_q = float(np.max(np.abs(q))) + abs(h) * size_p
+    wrong_q, wrong_p = ~(of_q <= tolerance * size_q), ~(of_p <= tolerance * size_p)  # includes nan
+    if wrong_q.any() or wrong_p.any():
+        n = int(np.argmax(wrong_q | wrong_p))
+        by = f", made by {source.method}," if source.method else ""
+        must = f"{source.label}{by} must have consecutive steps of Störmer–Verlet (kick–drift–kick) with h = {h:g}"
+        holds = not wrong_q[n], bool(wrong_p.mean() < RARE)
+        reason = _diagnosis(states, h, layout, n, *holds, f"from state {first + n + 1} to {first + n + 2}")
+        distance = max(float(np.max(of_q)) / (size_q or 1), float(np.max(of_p)) / (size_p or 1))
+        raise SeriesError(f"{must}, but {reason}{_on_rounding(distance)}")
+    return float(np.max(of_q)) * _longest(g) + float(np.max(of_p)) * _longest(p)
+
+
+def _steps(states: _States, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The changes of positions and of momenta from state to state, each with what a step makes of it."""
+    q, p, g, _ = states
+    return np.diff(q), h * (p[:, :-1] - 0.5 * h * g[:, :-1]), np.diff(p), -0.5 * h * (g[:, 1:] + g[:, :-1])
+
+
+def _on_rounding(distance: float) -> str:
+    """The tolerance that accepts states at a relative distance, if numbers with few digits may explain it."""
+    return f"; if it is rounding, tolerance must be {2 * distance:.0e}" if distance < ROUNDING else ""
+
+
+def _check_potential(states: _States, tolerance: float, source: Source) -> None:
+    """Check that the potential changes by the work of the forces."""
+    work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)
+    size = float(np.sqrt(work @ work))
+    if not size:
+        return
+    ratio = float(work @ np.diff(states.u)) / size**2
+    rounding = tolerance * (float(np.max(np.abs(states.u))) + _longest(states.q) * _longest(states.g))
+    if not abs(ratio - 1) <= FAR + rounding * len(work) ** 0.5 / size:
+        raise SeriesError(
+            f"{source.label} must have the potential of its forces, but it changes by {ratio:.4g} times their work"
+        )
+
+
+def _diagnosis(states: _States, h: float, layout: str, n: int, q_holds: bool, p_holds: bool, step: str) -> str:
+    """The likely cause of states that are no steps of size h, where step n is the first wrong one."""
+    _, p, g, _ = states
+    moved, drift, changed, impulse = _steps(states, h)
+    jump = abs(moved[:, n] - drift[:, n]).max()
+    if jump > MANY * abs(drift).max() and abs(changed[:, n]).max() <= MANY * abs(impulse).max():
+        return f"{step} positions jump by {jump:.6g}, as if wrapped into a box (period unwraps them)"
+    stored = p - {FULL: 0.0, AHEAD: 0.5, BEHIND: -0.5, MIDDLE: 0.0}[layout] * h * g
+    one, other = h * stored[:, :-1], h * stored[:, 1:]
+    for name, expected in ((AHEAD, one), (BEHIND, other), (MIDDLE, 0.5 * (one + other))):
+        if MIDDLE != layout != name and _unexplained(moved, expected) < EXACT:
+            return f"they are of the layout {name!r}"
+    found = _ratios(moved, drift) if p_holds and not q_holds else None
+    if found is not None:
+        k = int(abs(found - 1).argmax())
+        return f"coordinate {k + 1} moves {found[k]:.6g} times as far as its mass implies"
+    average = 0.5 * h * (p[:, 1:] + p[:, :-1])  # for steps of another length
+    found = None if q_holds or p_holds else _ratios(moved, average)
+    if found is not None and abs(found - found.mean()).max() < ROUGH * abs(found.mean()):
+        times, whole = float(found.mean()), round(float(found.mean()))
+        kept = f", as if only one in {whole} states was kept" if whole > 1 and abs(times - whole) < ROUGH else ""
+        return f"positions move {times:.4g} times as far as h implies{kept}"
+    found = _ratios(changed, impulse) if q_holds or not p_holds else None
+    if found is not None:
+        return f"momenta change by {found.mean():.6g} times the impulse of the forces: units, sign or masses are wrong"
+    if q_holds:
+        return f"{step} momenta change by more than the forces: a thermostat, constraints or another potential"
+    return f"{step} there is no such step: states are missing, or the scene, the method, h or masses are wrong"
+
+
+def _unexplained(found: np.ndarray, expected: np.ndarray) -> float:
+    """The median of the unexplained part of differences, relative to that of the differences."""
+    size = float(np.median(np.abs(found)))
+    return float(np.median(np.abs(found - expected))) / size if size else float("inf")
+
+
+def _ratios(found: np.ndarray, expected: np.ndarray) -> np.ndarray | None:
+    """The factor for each coordinate; None if factors do not explain the differences."""
+    squares, products = np.sum(expected * expected, axis=1), np.sum(found * expected, axis=1)
+    if not (np.all(squares > 0) and np.all(products)):
+        return None
+    ratios = products / squares
+    explained = _unexplained(found, ratios[:, None] * expected) < ROUGH and np.max(np.abs(ratios - 1)) > ROUGH
+    return ratios if explained else None

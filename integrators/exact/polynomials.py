@@ -6,13 +6,16 @@ Sums, products, quotients, derivatives and values are right over any field whose
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from math import lcm
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from integrators.core.errors import IntegratorError
+
+if TYPE_CHECKING:
+    from flint import fmpq
 
 Polynomial = tuple[Fraction, ...]
 Matrix = tuple[tuple[Fraction, ...], ...]
@@ -85,8 +88,12 @@ def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
         >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
         ['-1', '1']
     """
-    inverse = _by_flint(p).xgcd(_by_flint(modulus))[1]
-    return tuple(Fraction(int(a.p), int(a.q)) for a in inverse.coeffs())
+    return _fractions(_by_flint(p).xgcd(_by_flint(modulus))[1].coeffs())
+
+
+def multiply_modulo(p: Polynomial, q: Polynomial, modulus: Polynomial) -> Polynomial:
+    """The product p · q modulo another polynomial."""
+    return _fractions((_by_flint(p) * _by_flint(q) % _by_flint(modulus)).coeffs())
 
 
 def derivative(p: Polynomial) -> Polynomial:
@@ -117,16 +124,25 @@ def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fractio
         >>> solve([[Fraction(2), Fraction(1)], [Fraction(1), Fraction(1)]], [[Fraction(1)], [Fraction(0)]])
         ((Fraction(1, 1),), (Fraction(-1, 1),))
     """
-    import flint
-
-    left, values = (flint.fmpq_mat([list(map(_number, row)) for row in rows]) for rows in (matrix, right))
+    left = to_flint_matrix(matrix)
     try:
-        solution = left.solve(values).tolist()
+        return matrix_rows(left.solve(to_flint_matrix(right)))
     except ZeroDivisionError:
         raise IntegratorError(
             f"matrix must be invertible, but its rank is {left.rank()}, below {len(matrix)}"
         ) from None
-    return tuple(tuple(Fraction(int(x.p), int(x.q)) for x in row) for row in solution)
+
+
+def to_flint_matrix(rows: Iterable[Sequence[Fraction | int]]) -> Any:
+    """A rational matrix of python-flint."""
+    import flint
+
+    return flint.fmpq_mat([list(map(to_flint, row)) for row in rows])
+
+
+def matrix_rows(matrix: Any) -> Matrix:
+    """The rows of a rational matrix of python-flint."""
+    return tuple(map(_fractions, matrix.tolist()))
 
 
 def primitive(p: Polynomial) -> tuple[int, ...]:
@@ -153,7 +169,7 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     import flint
 
     rest = _by_flint(p)
-    exact = [Fraction(int(root.p), int(root.q)) for root, _ in rest.roots()]
+    exact = [from_flint(root) for root, _ in rest.roots()]
     for root in exact:
         rest //= _by_flint((-root, Fraction(1)))
     unit, precision = 10 ** (digits + 5), 4 * digits + 64
@@ -171,13 +187,23 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
 def _by_flint(p: Polynomial) -> Any:
     import flint
 
-    return flint.fmpq_poly(list(map(_number, p)))
+    return flint.fmpq_poly(list(map(to_flint, p)))
 
 
-def _number(value: Fraction) -> Any:
-    import flint
+def to_flint(value: Any) -> fmpq:
+    """An integer or fraction as a rational number of python-flint."""
+    from flint import fmpq
 
-    return flint.fmpq(value.numerator, value.denominator)
+    return fmpq(int(value.numerator), int(value.denominator))
+
+
+def from_flint(value: fmpq) -> Fraction:
+    """A rational number of python-flint as a `Fraction`."""
+    return Fraction(int(value.p), int(value.q))
+
+
+def _fractions(values: Iterable[Any]) -> tuple[Fraction, ...]:
+    return tuple(map(from_flint, values))
 
 
 @cache

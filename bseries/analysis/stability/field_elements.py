@@ -1,31 +1,55 @@
-"""Numbers and formulas to compute with exactly, and numbers with error bounds.
+"""Numbers and formulas to compute with exactly, numbers with error bounds, and real polynomials over them.
 
 Entries of tableaux become elements of one of four kinds, all of them false where zero: `Fraction`; `RealAlgebraic` for
 roots; `Inexact` for decimals and floats; SymPy's field elements for formulas with symbols, and for roots of high
 degree. All but the last have signs.
+
+Polynomials are those of `integrators.exact.polynomials`, over one field. Roots and signs need `Fraction`s or elements
+of a real number field; flint isolates the roots.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
+from functools import reduce
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
+from integrators.exact.polynomials import (
+    ONE,
+    add,
+    derivative,
+    divide,
+    evaluate,
+    from_flint,
+    multiply,
+    scale,
+    to_flint,
+    trim,
+)
 
 if TYPE_CHECKING:
     import sympy
-    from flint import arb, fmpq, fmpq_poly
+    from flint import acb, arb, fmpq, fmpq_poly
 
     from integrators.exact.entries import Entry
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
+Coefficients = tuple[Any, ...]
+"""A polynomial: its coefficients, ascending."""
 EXACT_DIGITS = 30
 """Digits printed of a number without error."""
 FIRST_BITS = 64
 """Working precision at which a sign is tried first."""
+MOST_DENOMINATOR = 10**6
+"""Rational roots with denominators up to this are recognised, and then verified."""
+BITS = 128
+"""Accuracy of roots."""
 
 
 def nearest_float(value: Any) -> float:
@@ -34,18 +58,6 @@ def nearest_float(value: Any) -> float:
         return float(value)
     except OverflowError:
         return math.inf if value > 0 else -math.inf
-
-
-def to_flint(value: Any) -> fmpq:
-    """An integer or fraction as a rational number of flint."""
-    from flint import fmpq
-
-    return fmpq(int(value.numerator), int(value.denominator))
-
-
-def from_flint(value: fmpq) -> Fraction:
-    """A rational number of flint as a `Fraction`."""
-    return Fraction(int(value.p), int(value.q))
 
 
 class Arithmetic:
@@ -76,17 +88,15 @@ class Arithmetic:
         return self.inverse() * other
 
 
+@dataclass(slots=True, eq=False)
 class Inexact(Arithmetic):
     """A number with an error bound, both rational; it counts as zero where the bound reaches its absolute value.
 
     Integers and `Fraction`s in mixed operations are exact.
     """
 
-    __slots__ = ("error", "value")
-
-    def __init__(self, value: fmpq, error: fmpq) -> None:
-        self.value = value
-        self.error = error
+    value: fmpq
+    error: fmpq
 
     @classmethod
     def read(cls, value: Any, precision: Fraction | int = 0) -> Inexact:
@@ -150,14 +160,12 @@ class NumberField:
         return self._enclosures[bits]
 
 
+@dataclass(slots=True, eq=False)
 class RealAlgebraic(Arithmetic):
     """Element of a real number field: a polynomial in θ, the `residue` modulo the minimal polynomial of θ."""
 
-    __slots__ = ("field", "residue")
-
-    def __init__(self, field: NumberField, residue: fmpq_poly) -> None:
-        self.field = field
-        self.residue = residue
+    field: NumberField
+    residue: fmpq_poly
 
     @staticmethod
     def _lift(other: Any) -> Any:
@@ -183,10 +191,8 @@ class RealAlgebraic(Arithmetic):
         """The number as a SymPy expression."""
         import sympy
 
-        numbers = map(from_flint, self.residue.coeffs())
-        return sympy.expand(
-            sympy.Add(*(sympy.sympify(a, strict=True) * self.field.generator**k for k, a in enumerate(numbers)))
-        )
+        numbers = (sympy.sympify(from_flint(a), strict=True) for a in self.residue.coeffs())
+        return sympy.expand(sympy.Add(*(a * self.field.generator**k for k, a in enumerate(numbers))))
 
 
 def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
@@ -201,14 +207,11 @@ def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
 
 def sign(element: Any) -> int:
     """Sign of a `Fraction` or a `RealAlgebraic`, from an enclosure that excludes zero."""
-    if not element:
-        return 0
-    if not isinstance(element, RealAlgebraic):
-        return 1 if element > 0 else -1
-    bits = FIRST_BITS
-    while (value := enclose(element, bits)).contains(0):
-        bits *= 2
-    return 1 if value > 0 else -1
+    value, bits = element, FIRST_BITS
+    if element and isinstance(element, RealAlgebraic):
+        while (value := enclose(element, bits)).contains(0):
+            bits *= 2
+    return (value > 0) - (value < 0) if element else 0
 
 
 def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | None:
@@ -311,3 +314,101 @@ def stage_matrix(method: RungeKutta) -> tuple[list[list[Any]], list[Any], list[A
 def dot(first: Sequence[Any], second: Sequence[Any]) -> Any:
     """Scalar product."""
     return sum((a * b for a, b in zip(first, second, strict=True) if a and b), Fraction(0))
+
+
+def subtract(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
+    """The difference p − q."""
+    return add(tuple(p), scale(tuple(q), -1))
+
+
+def reflect(p: Sequence[Any]) -> Coefficients:
+    """The polynomial p(−x)."""
+    return tuple(-a if k % 2 else a for k, a in enumerate(p))
+
+
+def monic_gcd(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
+    """The monic greatest common divisor of two polynomials, not both zero, by Euclid's algorithm."""
+    if is_rational((*p, *q)):
+        return tuple(map(from_flint, _rational(p).gcd(_rational(q)).coeffs()))
+    last, rest = tuple(p), tuple(q)
+    while rest:
+        rest = tuple(a / rest[-1] for a in rest)
+        last, rest = rest, divide(last, rest)[1]
+    return tuple(a / last[-1] for a in last)
+
+
+def is_rational(p: Iterable[Any]) -> bool:
+    """Whether all coefficients are rational."""
+    return all(isinstance(a, Fraction) for a in p)
+
+
+def _rational(p: Iterable[Fraction]) -> Any:
+    from flint import fmpq_poly
+
+    return fmpq_poly(list(map(to_flint, p)))
+
+
+def squarefree_factors(p: Sequence[Any]) -> list[Coefficients]:
+    """Square-free factors by multiplicity (Yun's algorithm): the k-th has the roots of p of multiplicity k."""
+    rest, other = tuple(p), derivative(tuple(p))
+    factors = []
+    while len(rest) > 1:
+        factors.append(monic_gcd(rest, other))  # the first has the multiple roots
+        rest, other = divide(rest, factors[-1])[0], divide(other, factors[-1])[0]
+        other = subtract(other, derivative(rest))
+    return factors[1:]
+
+
+def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
+    """Disjoint enclosures of the roots of a square-free polynomial with p(0) ≠ 0, accurate to this number of bits.
+
+    Those of real roots, and no others, have the imaginary part 0.
+    """
+    from flint import acb, acb_poly, arb, ctx
+
+    if is_rational(p):
+        with ctx.workprec(bits):
+            return [root for root, _ in _rational(p).complex_roots()]
+    precision = bits
+    while True:
+        precision *= 2
+        with ctx.workprec(precision):
+            try:
+                found = acb_poly([enclose(a, precision) for a in p]).roots(tol=arb(2) ** (-3 * precision // 4))
+            except ValueError:  # the enclosures of the coefficients are too wide
+                continue
+            # Roots come in conjugate pairs: one is real if no other enclosure meets the conjugate of its own.
+            pairs = [[other for other in found if other.overlaps(root.conjugate())] for root in found]
+            if all(len(pair) == 1 for pair in pairs) and all(root.rel_accuracy_bits() >= bits for root in found):
+                return [acb(a.real) if a is b else a for a, (b,) in zip(found, pairs, strict=True)]
+
+
+def first_crossing(p: Sequence[Any]) -> Fraction | float:
+    """First x ≥ 0 beyond which p becomes negative."""
+    p = trim(p[next((k for k, a in enumerate(p) if a), len(p)) :])
+    signs = [sign(a) for a in p]
+    if -1 not in signs:
+        return math.inf
+    if signs[0] < 0:
+        return Fraction(0)
+    odd: Coefficients = reduce(multiply, squarefree_factors(p)[::2], ONE)
+    positive = [root.real for root in roots(odd) if root.imag == 0 and root.real > 0]
+    if not positive:
+        return math.inf
+    least = min(positive, key=lambda root: root.mid())
+    nearest = from_flint(least.mid().fmpq())
+    guess = nearest.limit_denominator(MOST_DENOMINATOR)
+    is_root = abs(guess - nearest) <= from_flint(least.rad().fmpq()) and not evaluate(odd, guess)
+    return guess if is_root else nearest_float(nearest)
+
+
+def is_hurwitz(p: Coefficients) -> bool:
+    """Whether all roots have negative real parts, by Routh's array: its first column has one sign."""
+    above, below = p[::-2], p[-2::-2]
+    while below:
+        if sign(above[0]) * sign(below[0]) <= 0:
+            return False
+        ratio = above[0] / below[0]
+        rows = zip_longest(above[1:], below[1:], fillvalue=Fraction(0))
+        above, below = below, tuple(a - ratio * b for a, b in rows)
+    return True

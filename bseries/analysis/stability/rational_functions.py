@@ -9,17 +9,8 @@ from functools import cached_property
 from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self
 
-from bseries.analysis.stability.field_elements import (
-    Inexact,
-    from_element,
-    from_flint,
-    has_exact_zero_test,
-    has_sign,
-    midpoint,
-    nearest_float,
-    to_elements,
-)
-from bseries.analysis.stability.real_polynomials import Coefficients, monic_gcd, roots, squarefree_factors
+from bseries.analysis.stability import field_elements as field
+from bseries.analysis.stability.field_elements import Coefficients, Inexact
 from foundation.diagrams import draw_region
 from foundation.numbers import latex_number
 from foundation.plotting import BLACK, drawing
@@ -29,7 +20,7 @@ from integrators.core.immutable import ImmutableValue
 from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
 from integrators.exact.expressions import format_number
-from integrators.exact.polynomials import divide, evaluate, trim
+from integrators.exact.polynomials import divide, evaluate, from_flint, trim
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +44,7 @@ class StabilityFunction(ImmutableValue):
 
     Args:
         numerator: the coefficients of 1, z, z², …; any entries that a tableau may have.
-        denominator: the same for the denominator; 1 by default.
+        denominator: the same for the denominator.
 
     Raises:
         IntegratorError: an entry is no number or formula, or the denominator vanishes at 0.
@@ -83,7 +74,7 @@ class StabilityFunction(ImmutableValue):
             if symbol_names(entries):
                 raise IntegratorError("numerator and denominator must not mix floats and symbols: write fractions")
             entries = list(map(round_entry, entries))
-        elements = to_elements(entries, FLOAT_PRECISION if floating else 0)
+        elements = field.to_elements(entries, FLOAT_PRECISION if floating else 0)
         p, q = elements[: len(above)], elements[len(above) :]
         if not q or not q[0]:
             raise IntegratorError(f"denominator must not vanish at z = 0, but was {shorten(str(denominator))}")
@@ -98,8 +89,8 @@ class StabilityFunction(ImmutableValue):
 
     def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
         p, q = trim(p), trim(q)
-        if p and all(map(has_exact_zero_test, (*p, *q))):
-            common = monic_gcd(p, q)
+        if p and all(map(field.has_exact_zero_test, (*p, *q))):
+            common = field.monic_gcd(p, q)
             p, q = divide(p, common)[0], divide(q, common)[0]
         if q[0] != 1:
             p, q = tuple(a / q[0] for a in p), (Fraction(1), *(a / q[0] for a in q[1:]))
@@ -108,12 +99,12 @@ class StabilityFunction(ImmutableValue):
     @cached_property
     def numerator(self) -> tuple[Entry, ...]:
         """The coefficients of 1, z, z², … in the numerator."""
-        return tuple(from_element(a, floating=self.floating) for a in self.p)
+        return tuple(field.from_element(a, floating=self.floating) for a in self.p)
 
     @cached_property
     def denominator(self) -> tuple[Entry, ...]:
         """The coefficients of 1, z, z², … in the denominator; the first is 1."""
-        return tuple(from_element(a, floating=self.floating) for a in self.q)
+        return tuple(field.from_element(a, floating=self.floating) for a in self.q)
 
     @property
     def _data(self) -> tuple[Any, ...]:
@@ -133,7 +124,7 @@ class StabilityFunction(ImmutableValue):
     @cached_property
     def has_signs(self) -> bool:
         """Whether signs are decided: no symbols, and no roots of too high a degree."""
-        return all(map(has_sign, (*self.p, *self.q)))
+        return all(map(field.has_sign, (*self.p, *self.q)))
 
     @property
     def is_inexact(self) -> bool:
@@ -145,7 +136,7 @@ class StabilityFunction(ImmutableValue):
         """The limit of R(z) for z → ∞; ``inf`` where R grows without bound."""
         if len(self.p) != len(self.q):
             return math.inf if len(self.p) > len(self.q) else Fraction(0)
-        return from_element(self.p[-1] / self.q[-1], floating=self.floating)
+        return field.from_element(self.p[-1] / self.q[-1], floating=self.floating)
 
     @cached_property
     def poles(self) -> tuple[complex, ...]:
@@ -154,9 +145,11 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(
                 f"coefficients must be numbers before poles are found, but Q(z) was {shorten(polynomial_text(self.q))}"
             )
-        factors = enumerate(squarefree_factors(tuple(map(midpoint, self.q))), 1)
-        found = [root for times, factor in factors for root in roots(factor) * times]
-        places = [[nearest_float(from_flint(part.mid().fmpq())) for part in (root.real, root.imag)] for root in found]
+        factors = enumerate(field.squarefree_factors(tuple(map(field.midpoint, self.q))), 1)
+        found = [root for times, factor in factors for root in field.roots(factor) * times]
+        places = [
+            [field.nearest_float(from_flint(part.mid().fmpq())) for part in (root.real, root.imag)] for root in found
+        ]
         return tuple(complex(*place) for place in sorted(places))
 
     def __call__(self, z: Any) -> Any:
@@ -180,7 +173,7 @@ class StabilityFunction(ImmutableValue):
             below = evaluate(self.q, x)
             if not below:
                 raise IntegratorError(f"z must not be a pole, but was {shorten(str(x))}")
-            return from_element(evaluate(self.p, x) / below, floating=self.floating)
+            return field.from_element(evaluate(self.p, x) / below, floating=self.floating)
         if self.parameters:
             raise IntegratorError(
                 f"z must be exact while {', '.join(self.parameters)} have no values, but was {z!r:.60}"
@@ -209,13 +202,12 @@ class StabilityFunction(ImmutableValue):
             raise IntegratorError(f"z must not be a pole, but was {z!r}")
         return values.item()
 
-    def _float_coefficients(self) -> tuple[list[float], list[float]]:
+    def _float_coefficients(self) -> list[list[float]]:
         """The coefficients of numerator and denominator in double precision."""
-        p, q = (
-            [round_entry(a) if is_sympy(a) else nearest_float(a) for a in values] or [0.0]
+        return [
+            [round_entry(a) if is_sympy(a) else field.nearest_float(a) for a in values] or [0.0]
             for values in (self.numerator, self.denominator)
-        )
-        return p, q
+        ]
 
     def _logarithms(self, ends: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A grid x, y of a window, and log |R(x + iy)| there, (len(y), len(x))."""
@@ -259,7 +251,7 @@ class StabilityFunction(ImmutableValue):
         ends = given or (-size, size, -size, size)
         x, y, sizes = self._logarithms(ends)
         if given is None and not order_star:  # the region may be much smaller
-            ends = _region_ends(x, y, sizes <= 0)
+            ends = (*_ends(x, (sizes <= 0).any(axis=0)), *_ends(y, (sizes <= 0).any(axis=1)))
             x, y, sizes = self._logarithms(ends)
         with drawing(ax, IntegratorError) as axes:
             draw_region(axes, x, y, x - sizes if order_star else sizes)
@@ -295,14 +287,11 @@ class StabilityFunction(ImmutableValue):
         return f"${self.to_latex()}$"
 
 
-def _region_ends(x: np.ndarray, y: np.ndarray, inside: np.ndarray) -> tuple[float, float, float, float]:
-    """The ends (left, right, bottom, top) of a region and 0 with some space, within those of a grid."""
-    ends = []
-    for line, axis in ((x, 0), (y, 1)):
-        grid, found = line.tolist(), [*line[inside.any(axis=axis)].tolist(), 0.0]
-        space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
-        ends += [max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])]
-    return ends[0], ends[1], ends[2], ends[3]
+def _ends(line: np.ndarray, inside: Any) -> tuple[float, float]:
+    """The ends of a region and 0 with some space, within those of a grid."""
+    grid, found = line.tolist(), [*line[inside].tolist(), 0.0]
+    space = max((SPACE - 1) * (max(found) - min(found)), 2 * (grid[1] - grid[0]))
+    return max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])
 
 
 def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:
@@ -314,7 +303,7 @@ def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:
 def _term(a: Any, k: int, latex: bool) -> str:
     """A nonzero coefficient times a power of z."""
     power = "" if not k else "z" if k == 1 else f"z^{{{k}}}" if latex else f"z^{k}"
-    value: Any = a if isinstance(a, Inexact) else from_element(a)
+    value: Any = a if isinstance(a, Inexact) else field.from_element(a)
     below = ""
     if isinstance(value, Inexact):
         number, _, exponent = value.text.partition("e")

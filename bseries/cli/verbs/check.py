@@ -40,7 +40,7 @@ def check(method: Method, order: int | None, nonzero: bool, plot: PlotFile, outp
       bseries check --A "0,0;2/3,0" --b "1/4,3/4"
     """
     from bseries.analysis.report import check
-    from bseries.analysis.stability.linear_stability import checked_method, stability_function
+    from bseries.analysis.stability.criteria import checked_method, stability_function
     from trees.counting import check_order
 
     table = check(method, None if order is None else check_order(order)).to_table(nonzero=nonzero)

@@ -62,8 +62,8 @@ def shadow(
     drift that is hidden by the oscillation of the energy, and the effect of a smaller or larger step.
 
     FILE is a trajectory of `bseries simulate`; an NPZ file of any program with the arrays q, p or v, U, gradU or F, and
-    perhaps t, h, mass; a text or NPY file with such columns (q1, q2, …, or x1, y1, vx1, vy1, fx1, fy1, …), or - for
-    text on standard input. It must contain every step. --scene supplies masses, potentials and forces; trajectories of
+    perhaps t, h, mass; a text or NPY file with such columns (q1, q2, …), or - for text on standard input; --columns
+    assigns other names. It must contain every step. --scene supplies masses, potentials and forces; trajectories of
     `bseries simulate` contain their scene. Numbers with few digits need a larger --tolerance.
 
     \b

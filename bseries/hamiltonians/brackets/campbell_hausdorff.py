@@ -18,7 +18,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
 from bseries.analysis.order import field_elements, fields_of, trusted
-from bseries.analysis.structure_conditions import SEPARABLE, failing
+from bseries.analysis.structure import SEPARABLE, failing
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries

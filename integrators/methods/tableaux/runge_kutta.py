@@ -11,7 +11,7 @@ from typing import Any, Self
 from foundation.table import Table
 from integrators.core.arguments import check_digits, items, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
-from integrators.exact import entries
+from integrators.exact import entries, polynomials
 from integrators.exact.entries import Entry, EntryRow, Matrix
 from integrators.exact.expressions import check_names, decimal_text, format_number
 from integrators.methods.programs.builder import ProgramBuilder, entry_count
@@ -433,11 +433,14 @@ def are_symmetric(parts: Sequence[RungeKutta]) -> bool:
     """Whether all parts satisfy a_σ(i)σ(j) + a_ij = b_j for one reversal σ of the stages (HLW, Theorem V.2.3).
 
     The stages are reversed in the given order or sorted by row sums. That b_σ(j) = b_j follows. The roots of stage
-    algebras are not computed if the nodes are symmetric.
+    algebras are not computed if the nodes are symmetric, or are row sums that are not (c_σ(i) + c_i = Σ b_j = 1).
     """
-    algebras = [part.algebra for part in parts if part.algebra is not None and part.algebra.has_symmetric_nodes]
-    if len(algebras) == len(parts):
-        return all(algebra.is_symmetric() for algebra in algebras)
+    algebras = [part.algebra for part in parts if part.algebra is not None]
+    symmetric = [algebra for algebra in algebras if algebra.has_symmetric_nodes]
+    if len(symmetric) == len(parts):
+        return all(algebra.is_symmetric() for algebra in symmetric)
+    if any(algebra.b[0] == 1 and algebra.row_sums == polynomials.X for algebra in algebras if algebra not in symmetric):
+        return False
     stages = list(range(parts[0].stages))
     orders = [stages]
     if not any(part.parameters for part in parts):

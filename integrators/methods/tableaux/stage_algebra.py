@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
+from math import comb, lcm
 from numbers import Rational
-from operator import mul
 from typing import TYPE_CHECKING, Any
 
 from integrators.core.arguments import MOST_DIGITS, items, read_whole
@@ -20,7 +19,7 @@ from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
 from integrators.exact.arithmetic import Exact
-from integrators.exact.polynomials import Matrix, Polynomial
+from integrators.exact.polynomials import Matrix, Polynomial, matrix_rows, to_flint_matrix
 
 if TYPE_CHECKING:
     import sympy
@@ -96,7 +95,7 @@ class StageAlgebra(ImmutableValue):
 
     def multiply(self, f: Polynomial, g: Polynomial) -> Polynomial:
         """The stage values f(c_i) g(c_i), as a polynomial: f · g modulo the node polynomial."""
-        return polynomials.remainder(polynomials.multiply(f, g), self.polynomial)
+        return polynomials.multiply_modulo(f, g, self.polynomial)
 
     def apply(self, g: Polynomial) -> Polynomial:
         """The stage values Σ_j a_ij g(c_j), as a polynomial."""
@@ -131,13 +130,11 @@ class StageAlgebra(ImmutableValue):
 
         The condition b(f · Âg) + b(Af · g) = b(f) b(g) for all stage values f and g is checked on the basis 1, x, ….
         """
-        b, basis = self.b, range(self.stages)
-        moments = self.moments(2 * len(b) - 1)  # b(f · g) has the matrix b(x^(k+l))
-        left, right = (
-            [[sum(map(mul, moments[k : k + len(b)], column)) for column in zip(*algebra.A, strict=True)] for k in basis]
-            for algebra in (other, self)
-        )
-        return b == other.b and all(left[k][j] + right[j][k] == b[k] * b[j] for k in basis for j in basis)
+        size, moments = self.stages, self.moments(2 * self.stages - 1)  # b(f · g) has the matrix b(x^(k+l))
+        gram = to_flint_matrix([moments[k : k + size] for k in range(size)])
+        left, right = (gram * to_flint_matrix(algebra.A) for algebra in (other, self))
+        products = to_flint_matrix([[x * y for y in self.b] for x in self.b])
+        return self.b == other.b and left + right.transpose() == products
 
     @property
     def has_symmetric_nodes(self) -> bool:
@@ -150,10 +147,10 @@ class StageAlgebra(ImmutableValue):
 
         With their reversal ρ: x → 1 − x the condition is ρAρ g + A g = b(g) on the basis.
         """
-        return all(
-            polynomials.add(_reflect(self.apply(_reflect(g))), self.apply(g)) == polynomials.trim([self.weigh(g)])
-            for g in map(polynomials.power, range(self.stages))
-        )
+        basis, A = range(self.stages), to_flint_matrix(self.A)
+        reversal = to_flint_matrix([[(-1) ** k * comb(level, k) for level in basis] for k in basis])
+        weights = to_flint_matrix([self.b, *[[0] * self.stages] * (self.stages - 1)])
+        return reversal * A * reversal + A == weights
 
     @cached_property
     def has_rational_nodes(self) -> bool:
@@ -176,13 +173,9 @@ class StageAlgebra(ImmutableValue):
     @cached_property
     def _entry_polynomials(self) -> tuple[tuple[Polynomial, ...], Polynomial]:
         """Rational polynomials R and S with a_ij = Σ_k R[k](c_j) c_i^k and b_j = S(c_j)."""
-        return tuple(self._combine(row) for row in self.A), self._combine(self.b)
-
-    def _combine(self, factors: Sequence[Fraction]) -> Polynomial:
-        total: Polynomial = ()
-        for factor, dual in zip(factors, self._dual, strict=True):
-            total = polynomials.add(total, polynomials.scale(dual, factor))
-        return total
+        dual = to_flint_matrix([(*p, *[0] * (self.stages - len(p))) for p in self._dual])
+        *rows, weights = map(polynomials.trim, matrix_rows(to_flint_matrix([*self.A, self.b]) * dual))
+        return tuple(rows), weights
 
     def _approximate_tableau(self, digits: int) -> tuple[Matrix, tuple[Fraction, ...], tuple[Fraction, ...]]:
         """A, b, c within 10^-digits, in fixed-point arithmetic with a common denominator."""

@@ -13,10 +13,10 @@ import bseries as bs
 from bseries.algebra.stages import flow_chain
 from bseries.analysis.order import first_failure
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.analysis.stability.field_elements import from_flint
 from bseries.analysis.structure import accuracy
 from bseries.exact.arithmetic import rationals
 from integrators import repeat
+from integrators.exact.polynomials import from_flint
 
 FIXED = [entry for entry in bs.catalogue() if not entry.is_family and entry.is_tableau]
 FAMILIES = [

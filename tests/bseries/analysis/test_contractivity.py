@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 import sympy
 
-from bseries.analysis.stability.contractivity import is_algebraically_stable, linear_ssp_coefficient, ssp_coefficient
-from bseries.analysis.stability.linear_stability import linear_order, stability_function
+from bseries.analysis.stability.criteria import (
+    is_algebraically_stable,
+    linear_order,
+    linear_ssp_coefficient,
+    ssp_coefficient,
+    stability_function,
+)
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from integrators import IntegratorError, RungeKutta, catalogue, method
 

@@ -7,9 +7,18 @@ import numpy as np
 import pytest
 import sympy
 
-from bseries.analysis.stability.field_elements import Inexact, enclose, sign, to_flint, to_number_field
-from bseries.analysis.stability.linear_stability import adjugate_terms, characteristic
-from bseries.analysis.stability.real_polynomials import first_crossing, is_hurwitz, roots, squarefree_factors
+from bseries.analysis.stability.criteria import adjugate_terms, characteristic
+from bseries.analysis.stability.field_elements import (
+    Inexact,
+    enclose,
+    first_crossing,
+    is_hurwitz,
+    roots,
+    sign,
+    squarefree_factors,
+    to_number_field,
+)
+from integrators.exact.polynomials import to_flint
 
 
 def rational(*values):

@@ -12,7 +12,7 @@ import pytest
 import sympy
 
 from bseries.analysis.report import tableau_properties
-from bseries.analysis.stability.linear_stability import (
+from bseries.analysis.stability.criteria import (
     dispersion_order,
     dissipation_order,
     e_polynomial,

@@ -10,6 +10,7 @@ import sympy
 
 import bseries as bs
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
+from bseries.analysis.report import structure_of
 from bseries.analysis.structure import (
     STRUCTURES,
     cubic_conditions,
@@ -435,3 +436,11 @@ def test_without_an_order_methods_are_tested_as_far_as_by_check(method):
     report = bs.check(chosen)
     for name, test in zip(names, tests, strict=True):
         assert test(chosen)[:3] == report.structure[name][:3], name
+
+
+@pytest.mark.parametrize("method", ["gauss4", "radau-iia4"])
+def test_to_the_order_of_a_method_its_structure_is_that_of_its_own_series(method):
+    chosen = bs.method(method)
+    own, exact = (structure_of(chosen, 6, accuracy) for accuracy in (0, bs.order_of(chosen)))
+    assert own.keys() == exact.keys()
+    assert all(own[name][:3] == exact[name][:3] for name in own)

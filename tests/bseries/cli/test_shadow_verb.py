@@ -86,7 +86,7 @@ def test_a_bound_can_be_anything(answer, stored):
         (("none.npz",), "none.npz must be a trajectory file, but was not: No such file"),
         (
             ("run.csv",),
-            "run.csv must have the potential (U), but has t, p, q; columns can name it, or a scene supply it",
+            "run.csv must have the potential (U), but has t, p, q; columns can name it, as in U=NAME, or a scene ",
         ),
         (
             ("run.npz", "--plot", "run.gif"),

@@ -13,7 +13,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra
+from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, method
 from integrators.exact import polynomials as poly
 
 
@@ -288,3 +288,9 @@ def test_linear_systems(matrix):
     solution = poly.solve(matrix, right)
     for row, expected in zip(matrix, right, strict=True):
         assert [sum(a * x[k] for a, x in zip(row, solution, strict=True)) for k in range(2)] == expected
+
+
+@pytest.mark.parametrize(("name", "expected"), [("gauss9", True), ("lobatto-iiia9", True), ("radau-ia9", False)])
+def test_symmetry_is_decided_without_roots(name, expected, monkeypatch):
+    monkeypatch.setattr(StageAlgebra, "tableau_exact", None)
+    assert method(name).is_symmetric is expected

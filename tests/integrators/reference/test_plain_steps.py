@@ -13,7 +13,7 @@ from method_definitions import CASES, POINT, second_order_fields, start
 from mpmath import mpf
 from power_series_oracle import add, coefficients, random_field, run
 
-from bseries.analysis.stability.linear_stability import stability_function
+from bseries.analysis.stability.criteria import stability_function
 from integrators import IntegratorError, ProgramBuilder, RungeKutta, catalogue, composition, method
 from integrators.reference.plain_steps import block_parts, plain_step, plain_steps
 
