@@ -27,18 +27,22 @@ class TreeLike(Protocol):
     @property
     def order(self) -> int:
         """The number of nodes."""
+        ...
 
     @property
     def levels(self) -> Sequence[int]:
         """The distance of each node from the root, in preorder."""
+        ...
 
     @property
     def colors(self) -> Sequence[int]:
         """The colour of each node, in preorder."""
+        ...
 
     @property
     def density(self) -> int:
         """The product of the orders of all subtrees."""
+        ...
 
 
 @lru_cache(maxsize=64)

@@ -233,7 +233,8 @@ def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
     a = [entry for A, _, _ in tableaus for row in A for entry in row]
     b = [entry for _, b, _ in tableaus for entry in b]
     factor, least = 1 + Fraction(1, 2**40), Fraction(1, 2**60)
-    return Stages(count, *([abs(Fraction(entry)) * factor + least for entry in row] for row in (a, b)))
+    a, b = ([abs(Fraction(entry)) * factor + least for entry in row] for row in (a, b))
+    return Stages(count, a, b)
 
 
 Row = dict[int, Any]

@@ -2,7 +2,7 @@
 
 Three domains, from the narrowest to the widest:
 
-- rational numbers (``QQ``): `RationalValues`, integers over common denominators ; the docstring of
+- rational numbers (``QQ``): `RationalValues`, integers over common denominators; the docstring of
   `bseries.exact.rationals` says how they are proved;
 - a ring of algebraic numbers or of expressions in symbols: `RingValues`, elements of a SymPy domain. A common
   denominator L of the entries of a method is kept apart (coefficient = element / L^n), so that no greatest common
@@ -62,8 +62,12 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
         if isinstance(value, sympy.Rational):
             return Fraction(int(value.p), int(value.q))
         outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
-        is_usable = isinstance(value, sympy.Expr) and not value.has(*outside) and value.is_finite is not False
-        if is_usable and value.is_commutative is not False:
+        if (
+            isinstance(value, sympy.Expr)
+            and not value.has(*outside)
+            and value.is_finite is not False
+            and value.is_commutative is not False
+        ):
             if not value.has(sympy.Float):
                 return value
             if value.is_number and value.is_real:

@@ -124,12 +124,12 @@ class RationalValues(Values):
     def __getitem__(self, at: int) -> Fraction:
         return Fraction(int(self.raw[at]), self.denominators[self.table.columns.order[at]])
 
-    @cached_property
+    @property
     def reduced(self) -> RationalValues:
         """The same values over the smallest denominators."""
         numerators, denominators = self.raw.copy(), [1]
         for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
-            part = self.raw[first:last]
+            part: Any = self.raw[first:last]  # a list beyond int64
             common = math.gcd(self.denominators[n], *(part if isinstance(part, list) else part.tolist()))
             fits = common < 2**63 and not isinstance(part, list)  # exceeds int64 if all are 0 or −2^63
             numerators[first:last] = part // common if fits else [int(x) // common for x in part]

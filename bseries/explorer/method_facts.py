@@ -15,7 +15,8 @@ from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
-from integrators.methods.tableaux.runge_kutta import RungeKutta, tableau_html
+from integrators.methods.tableaux.presentation import tableau_html
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 from trees.counting import count_trees
 from trees.drawing import svg
 

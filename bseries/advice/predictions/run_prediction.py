@@ -236,11 +236,10 @@ def expected_solution_error(scene: Scene, run: PerturbationRun, energy: Expected
     orbit = largest_size(np.where(unbounded, abs(y).max(axis=1), ranges)[:, None])
     expected = float(sizes.max()) / largest
     away = run.factor * sizes > LINEAR * largest if run.factor > 1 else sizes > NEAR * orbit
-    if run.factor > 1 and away.any():
-        return ExpectedError(None, CHAOTIC)
-    if sizes.max() <= BOUND * orbit:
-        return ExpectedError(expected, "" if expected > ROUNDING else ONLY_ROUNDING)
-    free = int(np.argmax(away))
-    if free < 2 or sizes[:free].max() > REGULAR * sizes[: free // 2 + 1].max():
-        return ExpectedError(None, CHAOTIC)
-    return ExpectedError(expected, "of the size of the orbit")
+    if away.any():
+        free = int(np.argmax(away))
+        if run.factor > 1 or free < 2 or sizes[:free].max() > REGULAR * sizes[: free // 2 + 1].max():
+            return ExpectedError(None, CHAOTIC)
+    if sizes.max() > BOUND * orbit:
+        return ExpectedError(expected, "of the size of the orbit")
+    return ExpectedError(expected, "" if expected > ROUNDING else ONLY_ROUNDING)
