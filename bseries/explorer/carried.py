@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from foundation.machine_code import njit
 from integrators import integrate, method, stepper
 from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene
@@ -72,7 +72,7 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
     """Points moved by the flow of y' = field(y, h), with explicit steps of order 8 for all points at once.
 
     The result has the shape (times, variables, points), with the starts (variables, points) first; it is not numbers
-    after a failure. `longest` is the longest step.
+    after a failure. `longest` is the longest step. Formulas that are compiled are called by compiled steps.
 
     Example:
         >>> import numpy as np
@@ -81,30 +81,63 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
         >>> moved[1].round(9).ravel().tolist()
         [-1.0, 0.0]
     """
-    (A, b), shape = _tableau(), points.shape
-    moved = np.full((len(times), *shape), np.nan)
-    moved[0] = points
-    y, slopes = points.ravel(), np.empty((len(b), points.size))
+    tableau: Any = method(FLOW)
+    A, b = (np.array(entries, float) for entries in (tableau.to_float().A, tableau.to_float().b))
+    moved = np.full((len(times), *points.T.shape), np.nan)
+    moved[0] = points.T
+    parts = np.maximum(1, np.ceil(np.diff(times) / longest - 1e-9)).astype(int)
+    steps = np.diff(times) / parts
+    evaluator = getattr(field, "evaluator", None)
     with quiet():
-        for j, length in enumerate(np.diff(times), 1):
-            parts = max(1, math.ceil(length / longest - 1e-9))
-            step = length / parts
-            for _ in range(parts):
-                for i in range(len(b)):
-                    stage = y + step * (A[i, :i] @ slopes[:i])
-                    slopes[i] = field(stage.reshape(shape), h).ravel()
-                y = y + step * (b @ slopes)
-            if not (abs(y) < FAR).any():
-                break
-            moved[j] = y.reshape(shape)
-    return np.where(abs(moved) < FAR, moved, np.nan)
+        if evaluator is not None and evaluator.route == "symbolic":
+            _compiled_steps()(evaluator.formulas.module.many, h, moved, parts, steps, A, b)
+        else:
+            _steps(field, h, moved, parts, steps, A, b)
+    return np.where(abs(moved) < FAR, moved, np.nan).swapaxes(1, 2)
+
+
+def _steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
+    """Fill `moved`, rows of points at times, from its first entry on, as long as a point is near."""
+    y, slopes = moved[0].ravel(), np.empty((len(b), moved[0].size))
+    for j, step in enumerate(steps):
+        for _ in range(parts[j]):
+            for i in range(len(b)):
+                stage = y + step * (A[i, :i] @ slopes[:i])
+                slopes[i] = field(stage.reshape(moved[0].shape).T, h).T.ravel()
+            y = y + step * (b @ slopes)
+        if not (abs(y) < FAR).any():
+            return
+        moved[j + 1] = y.reshape(moved[0].shape)
 
 
 @cache
-def _tableau() -> tuple[Any, Any]:
-    tableau: Any = method(FLOW)
-    tableau = tableau.to_float()
-    return np.array(tableau.A, float), np.array(tableau.b, float)
+def _compiled_steps() -> Any:
+    """`_steps` of a compiled function (y, h, out) of rows of points."""
+    from numba import types
+
+    rows, numbers = types.Array(types.float64, 2, "C"), types.Array(types.float64, 1, "C")
+    field = types.FunctionType(types.void(rows, types.float64, rows))
+    cube, counts = types.Array(types.float64, 3, "C"), types.Array(types.int64, 1, "C")
+
+    @njit(types.void(field, types.float64, cube, counts, numbers, rows, numbers), error_model="numpy")
+    def compiled_steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
+        y, stage = moved[0].copy(), np.empty_like(moved[0])
+        slopes = np.empty((len(b), *y.shape))
+        for j in range(len(steps)):
+            for _ in range(parts[j]):
+                for i in range(len(b)):
+                    stage[:] = y
+                    for k in range(i):
+                        if A[i, k] != 0:
+                            stage += (steps[j] * A[i, k]) * slopes[k]
+                    field(stage, h, slopes[i])
+                for i in range(len(b)):
+                    y += (steps[j] * b[i]) * slopes[i]
+            if not (np.abs(y) < FAR).any():
+                return
+            moved[j + 1] = y
+
+    return compiled_steps
 
 
 def crossings(states: np.ndarray, through: int) -> np.ndarray:
