@@ -60,6 +60,8 @@ BOUND = 0.5
 REGULAR = 6.0
 """Largest growth of a regular error in the second half of the time: quadratic growth has a factor of 4, and half of the
 factor of 3 allowed for predictions is left to oscillations. In chaos errors grow exponentially."""
+TRANSIENT = 10 * 38
+"""Impulses in ten periods: in fewer, errors up to half of the orbit's size may grow as fast without chaos."""
 ROUNDING = 1e-14
 """Smaller relative errors are dominated by rounding, some tens of units in the last place."""
 
@@ -236,10 +238,13 @@ def expected_solution_error(scene: Scene, run: PerturbationRun, energy: Expected
     orbit = largest_size(np.where(unbounded, abs(y).max(axis=1), ranges)[:, None])
     expected = float(sizes.max()) / largest
     away = run.factor * sizes > LINEAR * largest if run.factor > 1 else sizes > NEAR * orbit
-    if away.any():
-        free = int(np.argmax(away))
-        if run.factor > 1 or free < 2 or sizes[:free].max() > REGULAR * sizes[: free // 2 + 1].max():
-            return ExpectedError(None, CHAOTIC)
-    if sizes.max() > BOUND * orbit:
+    if run.factor > 1 and away.any():
+        return ExpectedError(None, CHAOTIC)
+    free = int(np.argmax(away)) if away.any() else 0
+    is_large = sizes.max() > BOUND * orbit
+    is_regular = free >= 2 and sizes[:free].max() <= REGULAR * sizes[: free // 2 + 1].max()
+    if not is_regular and (is_large or free > TRANSIENT):
+        return ExpectedError(None, CHAOTIC)
+    if is_large:
         return ExpectedError(expected, "of the size of the orbit")
     return ExpectedError(expected, "" if expected > ROUNDING else ONLY_ROUNDING)

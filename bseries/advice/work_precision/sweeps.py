@@ -157,7 +157,8 @@ class DenseReference:
             if uncertainty > allowed:
                 break
         raise IntegratorError(
-            f"span must be shorter for a reference solution of {scene.name} in doubles, but was {span:g}"
+            f"span must be shorter for a reference solution of {scene.name} with errors up to {allowed:.0e}, "
+            f"but was {span:g}"
         )
 
     def _sample(self, intervals: int) -> tuple[float, float, float]:
