@@ -32,11 +32,12 @@ def elementary_differential(tree: TreeLike, format: str = "text", names: Iterabl
         HLW, section III.1 and Table III.1.1; coloured, section III.2.
     """
     latex = _is_latex(format)
-    labels = []
-    levels = tree.levels
-    for children, name in zip(_children(parents_of(levels)), node_names(tree.colors, names), strict=True):
+    levels, labels = tree.levels, []
+    children = [0] * len(levels)
+    for parent in parents_of(levels)[1:]:
+        children[parent] += 1
+    for count, name in zip(children, node_names(tree.colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
-        count = len(children)
         prime = "'" * count if count <= 3 else f"^{{({count})}}" if latex else f"^({count})"
         labels.append("f" + part + prime)
     return nest(levels, labels, "(", ")")

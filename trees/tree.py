@@ -231,8 +231,17 @@ class Tree:
     def _levels_and_colors(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Levels and colours, kept from the first time on."""
         if not hasattr(self, "_shape"):
-            nodes = list(self.preorder())
-            self._shape = tuple(level for level, _ in nodes), tuple(tree._color for _, tree in nodes)
+            levels, colors, stack = [], [], [(0, self)]
+            while stack:
+                level, tree = stack.pop()
+                if hasattr(tree, "_shape"):  # as the trees of a table, which share their subtrees
+                    levels += [level + below for below in tree._shape[0]]
+                    colors += tree._shape[1]
+                else:
+                    levels.append(level)
+                    colors.append(tree._color)
+                    stack += [(level + 1, child) for child in reversed(tree._children)]
+            self._shape = tuple(levels), tuple(colors)
         return self._shape
 
     @property
