@@ -18,6 +18,7 @@ from foundation.machine_code import PACKAGE, package_version
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import MOST_STEPS
 from integrators.core.errors import IntegratorError, shorten
+from integrators.core.immutable import cached_method
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, lock, remove_unfinished
 from integrators.methods.programs.program import Method, program_text
@@ -232,27 +233,30 @@ HEAD = {"n": int, "is_fresh": bool, "solver": str, "run": dict}
 def description(compiled: Stepper, observer: Observers, options: dict[str, Any]) -> dict[str, Any]:
     """The scene, the method and the options, as JSON values; without a date, so that runs can be compared."""
     return {
-        "scene": _scene(compiled.scene),
-        "method": _method(compiled.method),
+        "scene": json.loads(_scene(compiled.scene)),
+        "method": json.loads(_method(compiled.method)),
         "observe": list(observer.names),
         **options,
         "version": f"{PACKAGE} {package_version()}".rstrip(),
     }
 
 
-def _scene(scene: Scene) -> dict[str, Any]:
+@cached_method
+def _scene(scene: Scene) -> str:
+    """The name and the content of a scene file, as JSON."""
     try:
-        return {"name": scene.name} | scene.to_dict()
+        return json.dumps({"name": scene.name} | scene.to_dict())
     except IntegratorError:  # a formula too long for a file
-        return {"name": scene.name, "active": list(scene.active)}
+        return json.dumps({"name": scene.name, "active": list(scene.active)})
 
 
-def _method(method: Method) -> dict[str, Any]:
-    """The content of a tableau file, or the program of a method without a tableau."""
+@cached_method
+def _method(method: Method) -> str:
+    """The content of a tableau file, or the program of a method without a tableau, as JSON."""
     try:
-        return {"name": method.name} | json.loads(dumps_method(method, "json"))  # type: ignore[arg-type]
+        return json.dumps({"name": method.name} | json.loads(dumps_method(method, "json")))  # type: ignore[arg-type]
     except IntegratorError:
-        return {"name": method.name, "program": program_text(method.program).splitlines()}
+        return json.dumps({"name": method.name, "program": program_text(method.program).splitlines()})
 
 
 def identity(compiled: Stepper, observer: Observers, options: dict[str, Any], start: str) -> dict[str, Any]:
