@@ -242,12 +242,7 @@ def _text(array: np.ndarray, name: str) -> Any:
 
 
 def read_json(text: str, form: Any, name: str) -> Any:
-    """The content of JSON text, checked against a form.
-
-    Example:
-        >>> read_json('{"names": ["p", "q"], "h": null}', {"names": [str], "h": (None, float)}, "head")
-        {'names': ['p', 'q'], 'h': None}
-    """
+    """The content of JSON text, checked against a form."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):

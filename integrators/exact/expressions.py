@@ -73,12 +73,7 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
 
 
 def parse_constant(text: str, *, argument: str = "number") -> Exact:
-    """Read a number: a formula of numbers, roots, pi and elementary functions.
-
-    Example:
-        >>> parse_constant("1/10"), parse_constant("pi/4")
-        (Fraction(1, 10), pi/4)
-    """
+    """Read a number: a formula of numbers, roots, pi and elementary functions."""
     return _Parser(text, (), FUNCTIONS, argument, "a number").parse()
 
 
@@ -107,12 +102,7 @@ def parse_expression(
 
 
 def format_number(value: Any) -> str:
-    """The text of a number or formula, from which `parse_number` reads an equal value.
-
-    Example:
-        >>> format_number(Fraction(1, 2)), format_number(0.1)
-        ('1/2', '0.1')
-    """
+    """The text of a number or formula, from which `parse_number` reads an equal value."""
     return repr(value) if isinstance(value, float) else str(value)
 
 
@@ -346,13 +336,7 @@ SUM, PRODUCT, ATOM = range(3)
 
 
 def literal(value: Exact) -> str:
-    """The nearest double to an exact number, as text.
-
-    Example:
-        >>> import sympy
-        >>> literal(Fraction(1, 3)), literal(sympy.sqrt(2)), literal(Fraction(4))
-        ('0.3333333333333333', '1.4142135623730951', '4.0')
-    """
+    """The nearest double to an exact number, as text."""
     try:
         return repr(nearest_double(value))
     except ArithmeticError:
@@ -366,11 +350,6 @@ def nearest_double(value: Any) -> float:
 
     Python rounds fractions this way, SymPy does not. Irrational numbers are rounded to 40 digits first, which matters
     only for numbers that agree with the midpoint of two doubles to 40 digits.
-
-    Example:
-        >>> import sympy
-        >>> nearest_double(Fraction(1, 3)), nearest_double(1 - sympy.sqrt(2))
-        (0.3333333333333333, -0.41421356237309503)
     """
     if not hasattr(value, "evalf"):
         return float(value)

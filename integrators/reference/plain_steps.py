@@ -47,15 +47,6 @@ class Arithmetic:
 
     Raises:
         IntegratorError: `digits` is neither None nor an integer from 1 to 1000.
-
-    Example:
-        >>> arithmetic = Arithmetic(30)
-        >>> with arithmetic.working():
-        ...     third = arithmetic.read(["1/3"], "y")
-        >>> print(arithmetic.rounded(third)[0])
-        0.333333333333333
-        >>> abs(3 * arithmetic.rounded(third)[0] - 1) < 1e-29
-        True
     """
 
     def __init__(self, digits: int | None = None) -> None:
@@ -161,13 +152,7 @@ def plain_step(
 
 
 def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: int, **options: Any) -> Vector:
-    """Several steps of a method; the options and errors are those of `plain_step`.
-
-    Example:
-        >>> from integrators import method
-        >>> print(plain_steps(method("explicit-euler"), lambda y: -y, [1], 0.5, 3))
-        [[1.    0.5   0.25  0.125]]
-    """
+    """Several steps of a method; the options and errors are those of `plain_step`."""
     read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
     stepper = _Stepper(method, field, y, h, **options)
     columns = [stepper.start]
@@ -180,13 +165,7 @@ def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: 
 
 
 def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict[str, Function]:
-    """Split a field, or its derivative, into parts by blocks of variables.
-
-    Example:
-        >>> parts = block_parts(lambda y: [-y[1], y[0]], {"p": [0], "q": [1]})
-        >>> parts["p"]([3, 4]), parts["q"]([3, 4])
-        ([-4, 0], [0, 3])
-    """
+    """Split a field, or its derivative, into parts by blocks of variables."""
     if not callable(function) or not isinstance(blocks, Mapping):
         raise IntegratorError(f"blocks must map parts to components, but was {shown(blocks)}")
     numbers = {name: items(block, f"blocks[{name}]") for name, block in blocks.items()}

@@ -85,16 +85,7 @@ class TaylorProgram(NamedTuple):
 
 
 def taylor_program(scene: Scene) -> TaylorProgram:
-    """The operations that compute f(y) for a scene.
-
-    Example:
-        >>> from integrators import Scene
-        >>> program = taylor_program(Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)"))
-        >>> len(program.operations)  # sin q, cos q and −sin q
-        3
-        >>> program.derivatives - program.derivatives[0], program.registers[program.derivatives[0] :]
-        (array([0, 1, 2]), array([3, 0]))
-    """
+    """The operations that compute f(y) for a scene."""
     check_formulas((term.formula for term in scene.numeric_terms), "Taylor series (settled_solution needs values only)")
     operations = Operations(scene.dimension)
     derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]

@@ -66,14 +66,7 @@ def merged(a: Statistics, b: Statistics) -> Statistics:
 
 
 def merged_pairwise(leaves: Iterable[Statistics]) -> Statistics:
-    """The statistics of all leaves, members or blocks, merged along the tree; few are kept at any time.
-
-    Example:
-        >>> import numpy as np
-        >>> whole = merged_pairwise(member_statistics(np.array([[value]]), rows=1) for value in (1.0, 2.0, 3.0))
-        >>> whole.mean.item(), whole.squares.item()
-        (2.0, 2.0)
-    """
+    """The statistics of all leaves, members or blocks, merged along the tree; few are kept at any time."""
     subtrees: list[Statistics] = []
     for number, leaf in enumerate(leaves, 1):
         subtrees.append(leaf)

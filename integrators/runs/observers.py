@@ -112,17 +112,7 @@ class Observers:
 
 
 def observers(scene: Scene, observe: Any) -> Observers:
-    """Compile the quantities to observe on a scene.
-
-    Example:
-        >>> import math
-        >>> from integrators import scene
-        >>> seen = observers(scene("pendulum"), ["energy", {"height": lambda t, y: 1 - math.cos(y[1])}])
-        >>> seen.names
-        ('energy', 'height')
-        >>> print(seen(0.0, [0.5, 0.0]))
-        [-0.875  0.   ]
-    """
+    """Compile the quantities to observe on a scene."""
     quantities: dict[str, str | Callable[..., Any]] = {}
     for name, quantity in _pairs(scene, observe):
         if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):

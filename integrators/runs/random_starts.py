@@ -23,12 +23,6 @@ class NormalStart(NamedTuple):
     Attributes:
         mean: The mean, (variables,).
         root: A square root of the covariance: a matrix with a row for each variable, or the diagonal of one.
-
-    Example:
-        >>> import numpy as np
-        >>> draw = NormalStart(mean=np.array([1.0, 2.0]), root=np.array([[0.5], [0.5]]))
-        >>> print(np.diff(draw(np.random.default_rng())))
-        [1.]
     """
 
     mean: np.ndarray

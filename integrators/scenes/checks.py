@@ -230,16 +230,7 @@ def defects(scene: System) -> dict[str, float]:
 
 
 def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
-    """f(y) as a function of mpmath numbers, in mpmath's precision at the time of the call.
-
-    Example:
-        >>> import mpmath
-        >>> from integrators.scenes.scene import Scene
-        >>> riccati = precise_field(Scene({"y": 1}, field={"y": "y^2/3"}))
-        >>> with mpmath.workdps(30):
-        ...     print(mpmath.nstr(riccati([mpmath.mpf(1)])[0], 30))
-        0.333333333333333333333333333333
-    """
+    """f(y) as a function of mpmath numbers, in mpmath's precision at the time of the call."""
     import mpmath
     import sympy
 

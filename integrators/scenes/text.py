@@ -246,12 +246,7 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
 
 
 def loads_scene(text: str, *, source: str = "text") -> Scene:
-    """Read a scene from TOML text, named `source` in error messages.
-
-    Example:
-        >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
-        (y**2,)
-    """
+    """Read a scene from TOML text, named `source` in error messages."""
     with errors_from(source):
         scene = _read_scene(parse_toml(text))
         check_invariants(scene)
