@@ -40,14 +40,7 @@ PATIENCE = 3
 
 
 class Arithmetic:
-    """The numbers to compute with: doubles, or mpmath numbers with guard digits.
-
-    Args:
-        digits: The number of decimal digits; None for doubles.
-
-    Raises:
-        IntegratorError: `digits` is neither None nor an integer from 1 to 1000.
-    """
+    """The numbers to compute with: doubles if `digits` is None, or mpmath numbers with guard digits."""
 
     def __init__(self, digits: int | None = None) -> None:
         check_digits(digits)

@@ -225,17 +225,12 @@ def ensemble(
     `integrate` from its start. (Different processors may round differently.)
 
     Args:
-        method: The method, or its name.
-        scene: The scene.
-        h: The step size.
-        steps: The number of steps of each member.
         span: The length of time instead of `steps`; the last step may end later.
         y0: The starts, (members, variables), unless `sample` is given.
         sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
             `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
         members: The number of members; required with `sample`.
         seed: The seed of the random numbers, 0 or more.
-        t0: The time at the start.
         observe: Quantities, as for `integrate`.
         observe_every: Steps between observations; by default there are about a thousand. The start and the last step
             are always observed.

@@ -135,20 +135,15 @@ class Trajectory(Tabular):
         """Variables or observed quantities over time, or over another one: a phase portrait.
 
         Args:
-            ax: The axes; None for those of a new figure.
             x: ``"t"``, a variable or an observed quantity.
             y: Variables or quantities, one or several; by default all variables.
             change: Whether changes since the start are drawn, such as the error of an energy.
             points: Whether states are drawn as points without lines between them.
             label: The name of the run in the legend, for axes with several runs; by default method and scene.
 
-        Returns:
-            The axes.
-
         Raises:
             IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times
                 than those of the states, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
 
         Example:
             >>> from integrators import integrate, scene

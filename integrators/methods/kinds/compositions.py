@@ -148,7 +148,6 @@ def extrapolation(
     error of a symmetric method has only the powers h^p, h^(p+2), …, so each further number of steps gains two orders.
 
     Args:
-        method: the method.
         order: its order p.
         steps: the numbers of steps n_j, all different.
         symmetric: whether the error has only powers h^p, h^(p+2), ….

@@ -69,7 +69,6 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
     """Write a method to a file, from which `load_method` reads an equal one.
 
     Args:
-        method: the method.
         path: the file, which is replaced atomically.
         format: ``"json"`` or ``"toml"``; by default inferred from the suffix.
 
