@@ -1,7 +1,7 @@
 """Arrays in NPZ archives: aligned for mapping into memory, and checked by their headers before data is read.
 
 A reader specifies the arrays by `Form`s. Headers give kinds, shapes and sizes, so a wrong file is refused at once.
-Compressed arrays can be much larger than their file: beyond `LARGE` bytes they are unpacked to disk.
+Compressed arrays can be much larger than their file, and are refused beyond the memory available.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import struct
 import zipfile
 import zlib
@@ -17,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from foundation.memory import refuse_beyond_memory
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.text_files import replacing
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 LARGE = 2**26
-"""Bytes from which an array is memory-mapped, and the limit of bytes unpacked in memory per file."""
+"""Bytes from which an array is memory-mapped, and the limit of compressed text."""
 MOST_TEXT = 2**30
-"""Bytes of an array of text."""
+"""Bytes of other text."""
 MOST_HEADER = 10_000
 ALIGNMENT = 64
 LOCAL_HEADER, ZIP64_FIELD = 30, 20
@@ -67,12 +67,6 @@ class Header(NamedTuple):
     def size(self) -> int:
         """Bytes of its numbers."""
         return math.prod(self.shape) * self.dtype.itemsize
-
-    def mapped(self, file: Any, start: int = 0) -> np.ndarray:
-        """The array, mapped into memory from a file in which the header starts at `start`."""
-        import numpy as np
-
-        return np.memmap(file, self.dtype, "r", start + self.start, self.shape, self.order)
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
@@ -121,7 +115,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
     """
 
     def __init__(self, path: str, sentence: str):
-        self._path, self._sentence, self._unpack_limit = path, sentence, LARGE
+        self._path, self._sentence = path, sentence
         self._headers: dict[str, Header] = {}
         with reading(sentence):
             if os.path.exists(path) and not os.path.isfile(path):
@@ -145,13 +139,13 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         import numpy as np
 
         member = self._members[name]
-        is_packed = member.compress_type != zipfile.ZIP_STORED
         with reading(self._sentence):
             header = self._header(name)
-            limit = min(LARGE - 1, self._unpack_limit) if is_packed else LARGE - 1
-            if header.size > limit and header.dtype.kind != "U":
-                return self._unpacked(name) if is_packed else header.mapped(self._path, self._start(member))
-            self._unpack_limit -= header.size if is_packed else 0
+            if member.compress_type != zipfile.ZIP_STORED:
+                refuse_beyond_memory(header.size, ValueError, f"{name} is compressed and")
+            elif header.size >= LARGE and header.dtype.kind != "U":
+                start = self._start(member) + header.start
+                return np.memmap(self._path, header.dtype, "r", start, header.shape, header.order)
             with self._open(name) as file:
                 return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
 
@@ -207,7 +201,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         if there != header.size:
             raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
         is_packed = member.compress_type != zipfile.ZIP_STORED
-        if dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
+        if dtype.kind == "U" and header.size > (LARGE if is_packed else MOST_TEXT):
             raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
         self._headers[name] = header
         return header
@@ -218,18 +212,6 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             file.seek(member.header_offset + LOCAL_HEADER - 4)
             lengths = struct.unpack("<HH", file.read(4))
         return member.header_offset + LOCAL_HEADER + sum(lengths)
-
-    def _unpacked(self, name: str) -> np.ndarray:
-        """A compressed array, unpacked to an unnamed file and memory-mapped."""
-        from tempfile import TemporaryFile, gettempdir
-
-        size, free = self._members[name].file_size, shutil.disk_usage(gettempdir()).free
-        if size > free:
-            raise ValueError(f"{name} would take {size / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free")
-        with self._open(name) as packed, TemporaryFile() as file:
-            shutil.copyfileobj(packed, file)
-            file.flush()
-            return self._header(name).mapped(file)
 
 
 def _text(array: np.ndarray, name: str) -> Any:
