@@ -11,8 +11,6 @@ from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from integrators.core.errors import IntegratorError
-
 if TYPE_CHECKING:
     from flint import fmpq
 
@@ -104,17 +102,6 @@ def compose(p: Polynomial, q: Polynomial) -> Polynomial:
     for a in reversed(p):
         value = add(multiply(value, q), trim([a]))
     return value
-
-
-def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> Matrix:
-    """The matrix X with matrix · X = right."""
-    left = to_flint_matrix(matrix)
-    try:
-        return matrix_rows(left.solve(to_flint_matrix(right)))
-    except ZeroDivisionError:
-        raise IntegratorError(
-            f"matrix must be invertible, but its rank is {left.rank()}, below {len(matrix)}"
-        ) from None
 
 
 def to_flint_matrix(rows: Iterable[Sequence[Fraction | int]]) -> Any:
