@@ -53,14 +53,7 @@ _TOKEN = re.compile(
 
 
 def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
-    """Read a formula of algebraic numbers and declared symbols.
-
-    Example:
-        >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
-        (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
-        >>> parse_number("cos(pi/18)/sqrt(3) + 1/2")
-        1/2 + sqrt(3)*cos(pi/18)/3
-    """
+    """Read a formula of algebraic numbers and declared symbols."""
     names = check_names(names, f"symbols of {argument}")
     value = _Parser(text, names, COSINES, argument).algebraic()
     # Reading SymPy's text of a formula can give another form, 1/(3*x + 3) for 1/(3*(x + 1)): repeat until stable.
@@ -148,8 +141,8 @@ class _Parser:
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
         self.depth = 0
-        self.place = 0
-        self.tokens = self.tokenize(text.replace("−", "-").rstrip())
+        self.tokens = iter(self.tokenize(text.replace("−", "-").rstrip()))
+        self.advance()
 
     def refuse(self, problem: str, position: int | None = None) -> NoReturn:
         """Raise an error that quotes the formula."""
@@ -182,17 +175,9 @@ class _Parser:
         """As `parse`, but numbers that are not algebraic are refused."""
         return self.compute(None, exact.algebraic, self.parse())
 
-    @property
-    def kind(self) -> str:
-        return self.tokens[self.place][0]
-
-    @property
-    def token(self) -> str:
-        return self.tokens[self.place][1]
-
-    @property
-    def position(self) -> int:
-        return self.tokens[self.place][2]
+    def advance(self) -> None:
+        """Read the next token."""
+        self.kind, self.token, self.position = next(self.tokens)
 
     def expected(self, what: str) -> NoReturn:
         if self.kind == "end":
@@ -202,7 +187,7 @@ class _Parser:
     def skip(self, sign: str) -> None:
         if self.token != sign:
             self.expected(repr(sign))
-        self.place += 1
+        self.advance()
 
     def compute(self, position: int | None, operation: Callable[..., T], *arguments: Any) -> T:
         """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
@@ -224,7 +209,7 @@ class _Parser:
         terms = [self.product()]
         while self.token in ("+", "-"):
             sign = Fraction(1 if self.token == "+" else -1)
-            self.place += 1
+            self.advance()
             terms.append(self.product(sign))
         return self.compute(start, exact.add, terms)
 
@@ -234,7 +219,7 @@ class _Parser:
         factors = [first]
         while self.token in ("*", "/"):
             divides, position = self.token == "/", self.position
-            self.place += 1
+            self.advance()
             sign, factor = self.unary(sign)
             factors.append(self.compute(position, exact.invert, factor) if divides else factor)
         return self.compute(start, exact.multiply, factors if sign == 1 else [sign, *factors])
@@ -243,14 +228,14 @@ class _Parser:
         """The sign, multiplied by those read, and the operand; a product includes its sign as a factor."""
         while self.token in ("+", "-"):
             sign = -sign if self.token == "-" else sign
-            self.place += 1
+            self.advance()
         return sign, self.power()
 
     def power(self) -> Exact:
         base, position = self.atom(), self.position
         if self.token not in ("^", "**"):
             return base
-        self.place += 1
+        self.advance()
         sign, exponent = self.nested(lambda: self.unary(Fraction(1)))
         form: Any = base
         others = len(form.args) - 1 if getattr(form, "is_Add", False) and form.free_symbols else 0
@@ -261,12 +246,12 @@ class _Parser:
         return self.compute(position, exact.power, base, exact.multiply([sign, exponent]))
 
     def atom(self) -> Exact:
-        kind, token, position = self.tokens[self.place]
+        kind, token, position = self.kind, self.token, self.position
         if kind == "number":
-            self.place += 1
+            self.advance()
             return self.number(token, position)
         if kind == "name":
-            self.place += 1
+            self.advance()
             return self.name(token, position)
         if token != "(":
             self.expected("a number, a name or '('")
@@ -290,7 +275,7 @@ class _Parser:
             relation = self.token
             if relation not in (">", "<", ">=", "<="):
                 self.expected("'>', '<', '>=' or '<='")
-            self.place += 1
+            self.advance()
             values.append(self.nested(self.sum))
         more = {"where": 2, "min": 1, "max": 1}.get(name, 0)
         while more > 0 or (name in ("min", "max") and self.token == ","):

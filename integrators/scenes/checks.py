@@ -51,14 +51,7 @@ class Guard(NamedTuple):
 
 
 def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
-    """The conditions for a formula and its first `derivatives` derivatives to be defined, innermost first.
-
-    Example:
-        >>> import sympy
-        >>> x, y = sympy.symbols("x y")
-        >>> [(str(guard.formula), guard.relation) for guard in guards(sympy.log(1/x + sympy.sqrt(y)))]
-        [('x', '!='), ('y', '>='), ('sqrt(y) + 1/x', '>')]
-    """
+    """The conditions for a formula and its first `derivatives` derivatives to be defined, innermost first."""
     found = (guard for part in _parts(formula) for guard in _guards_of(part, derivatives))
     return list(dict.fromkeys(guard for guard in found if not guard.formula.is_positive))
 

@@ -101,10 +101,6 @@ def toda(*, n: Any = 3) -> Scene:
 
     Args:
         n: The number of particles.
-
-    Example:
-        >>> toda(n=2).hamiltonian
-        p1**2/2 + p2**2/2 + exp(-q1 + q2) + exp(q1 - q2)
     """
     n = read_count(n, "n", 2, MAX_VARIABLES)
     wave = {"p": [round(cos(2 * pi * k / n), 12) for k in range(1, n + 1)], "q": [0] * n}
@@ -142,10 +138,6 @@ def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
     Args:
         m: The number of stiff springs.
         omega: Their frequency ω.
-
-    Example:
-        >>> fermi_pasta_ulam(m=1).start
-        (1, 1, 1, 1/50)
     """
     m, omega = read_count(m, "m", 1, MAX_VARIABLES // 2), read_positive(omega, "omega")
     rest = [[0, 0]] * (m - 1)
@@ -180,13 +172,6 @@ def lennard_jones(
         seed: The seed of NumPy's random generator.
         sigma: The length σ of the potential, which scales the cluster too; its depth ε = 1 is a parameter.
         m: The mass of an atom, which scales the momenta too.
-
-    Example:
-        >>> dimer = lennard_jones(particles=2, dimension=1, temperature=0)
-        >>> dimer.hamiltonian
-        px1**2/2 + px2**2/2 - 4/(qx1 - qx2)**6 + 4/(qx1 - qx2)**12
-        >>> dimer.y0
-        array([ 0. , 0. , -0.56123102, 0.56123102])
     """
     dimension = read_count(dimension, "dimension", 1, len(AXES))
     particles = read_count(particles, "particles", 2, MAX_VARIABLES // dimension)
