@@ -107,11 +107,10 @@ def read_rows(path: str, *width: int) -> np.ndarray:
     )
 
 
-class StoredArrays(Mapping[str, "np.ndarray"]):
-    """The arrays of an NPZ file by name, each read on access.
+class StoredArrays:
+    """The arrays of an NPZ file by name.
 
-    All methods raise an `IntegratorError` if the file cannot be read; it begins with `sentence`, which says what the
-    file must be.
+    An `IntegratorError` on a file that cannot be read begins with `sentence`, which says what the file must be.
     """
 
     def __init__(self, path: str, sentence: str):
@@ -124,30 +123,20 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             members = self._archive.infolist()
             if sum(member.compress_size for member in members) > os.path.getsize(path):
                 raise ValueError("its arrays overlap")
-        self._members = {member.filename.removesuffix(".npy"): member for member in members}
+        self.members = {member.filename.removesuffix(".npy"): member for member in members}
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._members)
-
-    def __len__(self) -> int:
-        return len(self._members)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._members
-
-    def __getitem__(self, name: str) -> np.ndarray:
+    def _array(self, name: str) -> np.ndarray:
         import numpy as np
 
-        member = self._members[name]
-        with reading(self._sentence):
-            header = self._header(name)
-            if member.compress_type != zipfile.ZIP_STORED:
-                refuse_beyond_memory(header.size, ValueError, f"{name} is compressed and")
-            elif header.size >= LARGE and header.dtype.kind != "U":
-                start = self._start(member) + header.start
-                return np.memmap(self._path, header.dtype, "r", start, header.shape, header.order)
-            with self._open(name) as file:
-                return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
+        header = self._header(name)
+        if header.size >= LARGE and header.dtype.kind != "U" and not self._is_packed(name):
+            start = self._start(self.members[name]) + header.start
+            return np.memmap(self._path, header.dtype, "r", start, header.shape, header.order)
+        with self._open(name) as file:
+            return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
+
+    def _is_packed(self, name: str) -> bool:
+        return self.members[name].compress_type != zipfile.ZIP_STORED
 
     def read(self, forms: Mapping[str, Form], sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
         """Arrays by name; arrays of text as text or lists of text.
@@ -159,11 +148,14 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         with reading(self._sentence):
             for name, form in forms.items():
                 self._check(name, form, known)
-            return {name: _text(self[name], name) if form.kinds == "U" else self[name] for name, form in forms.items()}
+            packed = sum(self._header(name).size for name in forms if self._is_packed(name))
+            refuse_beyond_memory(packed, ValueError, "what is compressed")
+            arrays = {name: self._array(name) for name in forms}
+            return {name: _text(x, name) if forms[name].kinds == "U" else x for name, x in arrays.items()}
 
     def _check(self, name: str, form: Form, sizes: dict[str, int]) -> None:
         """Refuse an array whose header does not match a form; new named lengths are added to `sizes`."""
-        if name not in self:
+        if name not in self.members:
             raise ValueError(f"it has no array {name}")
         header = self._header(name)
         fits = len(header.shape) == len(form.shape)
@@ -176,7 +168,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             )
 
     def _open(self, name: str) -> IO[bytes]:
-        member = self._members[name]
+        member = self.members[name]
         if member.flag_bits & 1 or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"{name} must be stored or deflated, but was encrypted or compressed in another way")
         return self._archive.open(member)
@@ -187,7 +179,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
 
         if name in self._headers:
             return self._headers[name]
-        member = self._members[name]
+        member = self.members[name]
         with self._open(name) as file:
             try:
                 readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -200,8 +192,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         there = member.file_size - header.start
         if there != header.size:
             raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
-        is_packed = member.compress_type != zipfile.ZIP_STORED
-        if dtype.kind == "U" and header.size > (LARGE if is_packed else MOST_TEXT):
+        if dtype.kind == "U" and header.size > (LARGE if self._is_packed(name) else MOST_TEXT):
             raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
         self._headers[name] = header
         return header
