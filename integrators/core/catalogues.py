@@ -49,14 +49,9 @@ def plug_in_entries(group: str, kind: type, taken: Collection[str], check: Calla
 class Register:
     """The entries of a catalogue by name: those of the files of a package, and those of other distributions.
 
-    The entry points of all distributions are read only when all entries, or names that are not built in, are wanted.
-
-    Args:
-        package: The package whose modules declare entries.
-        variable: The name under which they do, such as ``METHODS``.
-        group: The group of entry points.
-        kind: The class of entries.
-        check: Called with each entry of another distribution; refuses it by an exception.
+    The modules of `package` declare entries of the class `kind` under the name `variable`, other distributions as entry
+    points of `group`, which are read only when all entries, or names that are not built in, are wanted. `check` refuses
+    an entry of another distribution by an exception.
     """
 
     def __init__(self, package: str, variable: str, group: str, kind: type, check: Callable[[Any], object]):

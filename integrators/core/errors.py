@@ -26,12 +26,7 @@ def shown(value: Any) -> str:
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """The end of a message on an unknown name: known names of a similar spelling, if any.
-
-    Example:
-        >>> suggestion("runge-kuta", ["runge-kutta", "splitting"]), suggestion("x", ["splitting"])
-        ('; did you mean runge-kutta?', '')
-    """
+    """The end of a message on an unknown name: known names of a similar spelling, if any."""
     from difflib import get_close_matches
 
     near = dict.fromkeys(get_close_matches(name, list(known), n=3, cutoff=0.6))

@@ -44,19 +44,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def cached_method(function: Function) -> Function:
-    """Cache the results of a method in its object; `functools.cache` would keep the object alive.
-
-    Example:
-        >>> class Squares:
-        ...     @cached_method
-        ...     def of(self, x):
-        ...         print("computing", x)
-        ...         return x * x
-        >>> squares = Squares()
-        >>> squares.of(3), squares.of(3)
-        computing 3
-        (9, 9)
-    """
+    """Cache the results of a method in its object; `functools.cache` would keep the object alive."""
     name = f"_cached_{function.__name__}"
 
     @wraps(function)

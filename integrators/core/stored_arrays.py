@@ -1,7 +1,7 @@
 """Arrays in NPZ archives: aligned for mapping into memory, and checked by their headers before data is read.
 
 A reader specifies the arrays by `Form`s. Headers give kinds, shapes and sizes, so a wrong file is refused at once.
-Compressed arrays can be much larger than their file: beyond `LARGE` bytes they are unpacked to disk.
+Compressed arrays can be much larger than their file, and are refused beyond the memory available.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import struct
 import zipfile
 import zlib
@@ -17,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from foundation.memory import refuse_beyond_memory
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.text_files import replacing
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 LARGE = 2**26
-"""Bytes from which an array is memory-mapped, and the limit of bytes unpacked in memory per file."""
+"""Bytes from which an array is memory-mapped, and the limit of compressed text."""
 MOST_TEXT = 2**30
-"""Bytes of an array of text."""
+"""Bytes of other text."""
 MOST_HEADER = 10_000
 ALIGNMENT = 64
 LOCAL_HEADER, ZIP64_FIELD = 30, 20
@@ -68,12 +68,6 @@ class Header(NamedTuple):
         """Bytes of its numbers."""
         return math.prod(self.shape) * self.dtype.itemsize
 
-    def mapped(self, file: Any, start: int = 0) -> np.ndarray:
-        """The array, mapped into memory from a file in which the header starts at `start`."""
-        import numpy as np
-
-        return np.memmap(file, self.dtype, "r", start + self.start, self.shape, self.order)
-
 
 def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
     """Write an NPZ file, piece by piece, in constant memory; it replaces an old one when it is complete."""
@@ -113,15 +107,14 @@ def read_rows(path: str, *width: int) -> np.ndarray:
     )
 
 
-class StoredArrays(Mapping[str, "np.ndarray"]):
-    """The arrays of an NPZ file by name, each read on access.
+class StoredArrays:
+    """The arrays of an NPZ file by name.
 
-    All methods raise an `IntegratorError` if the file cannot be read; it begins with `sentence`, which says what the
-    file must be.
+    An `IntegratorError` on a file that cannot be read begins with `sentence`, which says what the file must be.
     """
 
     def __init__(self, path: str, sentence: str):
-        self._path, self._sentence, self._unpack_limit = path, sentence, LARGE
+        self._path, self._sentence = path, sentence
         self._headers: dict[str, Header] = {}
         with reading(sentence):
             if os.path.exists(path) and not os.path.isfile(path):
@@ -130,30 +123,20 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             members = self._archive.infolist()
             if sum(member.compress_size for member in members) > os.path.getsize(path):
                 raise ValueError("its arrays overlap")
-        self._members = {member.filename.removesuffix(".npy"): member for member in members}
+        self.members = {member.filename.removesuffix(".npy"): member for member in members}
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._members)
-
-    def __len__(self) -> int:
-        return len(self._members)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._members
-
-    def __getitem__(self, name: str) -> np.ndarray:
+    def _array(self, name: str) -> np.ndarray:
         import numpy as np
 
-        member = self._members[name]
-        is_packed = member.compress_type != zipfile.ZIP_STORED
-        with reading(self._sentence):
-            header = self._header(name)
-            limit = min(LARGE - 1, self._unpack_limit) if is_packed else LARGE - 1
-            if header.size > limit and header.dtype.kind != "U":
-                return self._unpacked(name) if is_packed else header.mapped(self._path, self._start(member))
-            self._unpack_limit -= header.size if is_packed else 0
-            with self._open(name) as file:
-                return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
+        header = self._header(name)
+        if header.size >= LARGE and header.dtype.kind != "U" and not self._is_packed(name):
+            start = self._start(self.members[name]) + header.start
+            return np.memmap(self._path, header.dtype, "r", start, header.shape, header.order)
+        with self._open(name) as file:
+            return np.lib.format.read_array(file, allow_pickle=False, max_header_size=MOST_HEADER)
+
+    def _is_packed(self, name: str) -> bool:
+        return self.members[name].compress_type != zipfile.ZIP_STORED
 
     def read(self, forms: Mapping[str, Form], sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
         """Arrays by name; arrays of text as text or lists of text.
@@ -165,11 +148,14 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         with reading(self._sentence):
             for name, form in forms.items():
                 self._check(name, form, known)
-            return {name: _text(self[name], name) if form.kinds == "U" else self[name] for name, form in forms.items()}
+            packed = sum(self._header(name).size for name in forms if self._is_packed(name))
+            refuse_beyond_memory(packed, ValueError, "what is compressed")
+            arrays = {name: self._array(name) for name in forms}
+            return {name: _text(x, name) if forms[name].kinds == "U" else x for name, x in arrays.items()}
 
     def _check(self, name: str, form: Form, sizes: dict[str, int]) -> None:
         """Refuse an array whose header does not match a form; new named lengths are added to `sizes`."""
-        if name not in self:
+        if name not in self.members:
             raise ValueError(f"it has no array {name}")
         header = self._header(name)
         fits = len(header.shape) == len(form.shape)
@@ -182,7 +168,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             )
 
     def _open(self, name: str) -> IO[bytes]:
-        member = self._members[name]
+        member = self.members[name]
         if member.flag_bits & 1 or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"{name} must be stored or deflated, but was encrypted or compressed in another way")
         return self._archive.open(member)
@@ -193,7 +179,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
 
         if name in self._headers:
             return self._headers[name]
-        member = self._members[name]
+        member = self.members[name]
         with self._open(name) as file:
             try:
                 readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -206,8 +192,7 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
         there = member.file_size - header.start
         if there != header.size:
             raise ValueError(f"{name} must have {header.size} bytes of numbers, but has {there}")
-        is_packed = member.compress_type != zipfile.ZIP_STORED
-        if dtype.kind == "U" and header.size > (self._unpack_limit if is_packed else MOST_TEXT):
+        if dtype.kind == "U" and header.size > (LARGE if self._is_packed(name) else MOST_TEXT):
             raise ValueError(f"{name} must be shorter text, but would take {header.size} bytes")
         self._headers[name] = header
         return header
@@ -218,18 +203,6 @@ class StoredArrays(Mapping[str, "np.ndarray"]):
             file.seek(member.header_offset + LOCAL_HEADER - 4)
             lengths = struct.unpack("<HH", file.read(4))
         return member.header_offset + LOCAL_HEADER + sum(lengths)
-
-    def _unpacked(self, name: str) -> np.ndarray:
-        """A compressed array, unpacked to an unnamed file and memory-mapped."""
-        from tempfile import TemporaryFile, gettempdir
-
-        size, free = self._members[name].file_size, shutil.disk_usage(gettempdir()).free
-        if size > free:
-            raise ValueError(f"{name} would take {size / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free")
-        with self._open(name) as packed, TemporaryFile() as file:
-            shutil.copyfileobj(packed, file)
-            file.flush()
-            return self._header(name).mapped(file)
 
 
 def _text(array: np.ndarray, name: str) -> Any:
@@ -242,12 +215,7 @@ def _text(array: np.ndarray, name: str) -> Any:
 
 
 def read_json(text: str, form: Any, name: str) -> Any:
-    """The content of JSON text, checked against a form.
-
-    Example:
-        >>> read_json('{"names": ["p", "q"], "h": null}', {"names": [str], "h": (None, float)}, "head")
-        {'names': ['p', 'q'], 'h': None}
-    """
+    """The content of JSON text, checked against a form."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):

@@ -15,12 +15,7 @@ if TYPE_CHECKING:
 
 
 def read_number(value: Any, argument: str) -> float:
-    """A finite number as a double.
-
-    Example:
-        >>> read_number("1/10", "h"), read_number(2, "h")
-        (0.1, 2.0)
-    """
+    """A finite number as a double."""
     given = parse_constant(value, argument=argument) if isinstance(value, str) else value
     try:
         number = math.nan if isinstance(given, bool) else float(given)

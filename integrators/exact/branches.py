@@ -130,13 +130,7 @@ class Where(Branching):
 
 
 def compare(left: Any, relation: str, right: Any, a: Any, b: Any) -> Any:
-    """a where the relation ``>``, ``<``, ``>=`` or ``<=`` holds, otherwise b.
-
-    Example:
-        >>> x = sympy.Symbol("x")
-        >>> compare(x, "<=", 1, x, 1)
-        where(x - 1 > 0, 1, x)
-    """
+    """a where the relation ``>``, ``<``, ``>=`` or ``<=`` holds, otherwise b."""
     x, a, b = (sympy.sympify(value, strict=True) for value in (left - right, a, b))
     positive = x if relation in (">", "<=") else -x
     return Where(positive, a, b) if relation in (">", "<") else Where(positive, b, a)

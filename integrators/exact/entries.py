@@ -130,13 +130,7 @@ def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
 
 
 def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
-    """Whether terms sum to zero: exactly, or within the error of inexact entries.
-
-    Example:
-        >>> terms = [Fraction(1, 3), Fraction("-0.333")]
-        >>> cancels(terms, 0), cancels(terms, Fraction(1, 100))
-        (False, True)
-    """
+    """Whether terms sum to zero: exactly, or within the error of inexact entries."""
     if precision:
         return abs(sum(terms)) <= precision * sum(map(abs, terms))
     if not any(map(is_sympy, terms)):

@@ -53,14 +53,7 @@ _TOKEN = re.compile(
 
 
 def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry") -> Exact:
-    """Read a formula of algebraic numbers and declared symbols.
-
-    Example:
-        >>> parse_number("-1/2 + 0.25"), parse_number("sqrt(9/4)^3"), parse_number("1/2 - sqrt(3)/6")
-        (Fraction(-1, 4), Fraction(27, 8), 1/2 - sqrt(3)/6)
-        >>> parse_number("cos(pi/18)/sqrt(3) + 1/2")
-        1/2 + sqrt(3)*cos(pi/18)/3
-    """
+    """Read a formula of algebraic numbers and declared symbols."""
     names = check_names(names, f"symbols of {argument}")
     value = _Parser(text, names, COSINES, argument).algebraic()
     # Reading SymPy's text of a formula can give another form, 1/(3*x + 3) for 1/(3*(x + 1)): repeat until stable.
@@ -73,12 +66,7 @@ def parse_number(text: str, *, names: Iterable[str] = (), argument: str = "entry
 
 
 def parse_constant(text: str, *, argument: str = "number") -> Exact:
-    """Read a number: a formula of numbers, roots, pi and elementary functions.
-
-    Example:
-        >>> parse_constant("1/10"), parse_constant("pi/4")
-        (Fraction(1, 10), pi/4)
-    """
+    """Read a number: a formula of numbers, roots, pi and elementary functions."""
     return _Parser(text, (), FUNCTIONS, argument, "a number").parse()
 
 
@@ -107,12 +95,7 @@ def parse_expression(
 
 
 def format_number(value: Any) -> str:
-    """The text of a number or formula, from which `parse_number` reads an equal value.
-
-    Example:
-        >>> format_number(Fraction(1, 2)), format_number(0.1)
-        ('1/2', '0.1')
-    """
+    """The text of a number or formula, from which `parse_number` reads an equal value."""
     return repr(value) if isinstance(value, float) else str(value)
 
 
@@ -158,8 +141,8 @@ class _Parser:
         if len(text) > MAX_LENGTH:
             self.refuse(f"has {len(text)} characters, more than {MAX_LENGTH}")
         self.depth = 0
-        self.place = 0
-        self.tokens = self.tokenize(text.replace("−", "-").rstrip())
+        self.tokens = iter(self.tokenize(text.replace("−", "-").rstrip()))
+        self.advance()
 
     def refuse(self, problem: str, position: int | None = None) -> NoReturn:
         """Raise an error that quotes the formula."""
@@ -192,17 +175,9 @@ class _Parser:
         """As `parse`, but numbers that are not algebraic are refused."""
         return self.compute(None, exact.algebraic, self.parse())
 
-    @property
-    def kind(self) -> str:
-        return self.tokens[self.place][0]
-
-    @property
-    def token(self) -> str:
-        return self.tokens[self.place][1]
-
-    @property
-    def position(self) -> int:
-        return self.tokens[self.place][2]
+    def advance(self) -> None:
+        """Read the next token."""
+        self.kind, self.token, self.position = next(self.tokens)
 
     def expected(self, what: str) -> NoReturn:
         if self.kind == "end":
@@ -212,7 +187,7 @@ class _Parser:
     def skip(self, sign: str) -> None:
         if self.token != sign:
             self.expected(repr(sign))
-        self.place += 1
+        self.advance()
 
     def compute(self, position: int | None, operation: Callable[..., T], *arguments: Any) -> T:
         """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
@@ -234,7 +209,7 @@ class _Parser:
         terms = [self.product()]
         while self.token in ("+", "-"):
             sign = Fraction(1 if self.token == "+" else -1)
-            self.place += 1
+            self.advance()
             terms.append(self.product(sign))
         return self.compute(start, exact.add, terms)
 
@@ -244,7 +219,7 @@ class _Parser:
         factors = [first]
         while self.token in ("*", "/"):
             divides, position = self.token == "/", self.position
-            self.place += 1
+            self.advance()
             sign, factor = self.unary(sign)
             factors.append(self.compute(position, exact.invert, factor) if divides else factor)
         return self.compute(start, exact.multiply, factors if sign == 1 else [sign, *factors])
@@ -253,14 +228,14 @@ class _Parser:
         """The sign, multiplied by those read, and the operand; a product includes its sign as a factor."""
         while self.token in ("+", "-"):
             sign = -sign if self.token == "-" else sign
-            self.place += 1
+            self.advance()
         return sign, self.power()
 
     def power(self) -> Exact:
         base, position = self.atom(), self.position
         if self.token not in ("^", "**"):
             return base
-        self.place += 1
+        self.advance()
         sign, exponent = self.nested(lambda: self.unary(Fraction(1)))
         form: Any = base
         others = len(form.args) - 1 if getattr(form, "is_Add", False) and form.free_symbols else 0
@@ -271,12 +246,12 @@ class _Parser:
         return self.compute(position, exact.power, base, exact.multiply([sign, exponent]))
 
     def atom(self) -> Exact:
-        kind, token, position = self.tokens[self.place]
+        kind, token, position = self.kind, self.token, self.position
         if kind == "number":
-            self.place += 1
+            self.advance()
             return self.number(token, position)
         if kind == "name":
-            self.place += 1
+            self.advance()
             return self.name(token, position)
         if token != "(":
             self.expected("a number, a name or '('")
@@ -300,7 +275,7 @@ class _Parser:
             relation = self.token
             if relation not in (">", "<", ">=", "<="):
                 self.expected("'>', '<', '>=' or '<='")
-            self.place += 1
+            self.advance()
             values.append(self.nested(self.sum))
         more = {"where": 2, "min": 1, "max": 1}.get(name, 0)
         while more > 0 or (name in ("min", "max") and self.token == ","):
@@ -346,13 +321,7 @@ SUM, PRODUCT, ATOM = range(3)
 
 
 def literal(value: Exact) -> str:
-    """The nearest double to an exact number, as text.
-
-    Example:
-        >>> import sympy
-        >>> literal(Fraction(1, 3)), literal(sympy.sqrt(2)), literal(Fraction(4))
-        ('0.3333333333333333', '1.4142135623730951', '4.0')
-    """
+    """The nearest double to an exact number, as text."""
     try:
         return repr(nearest_double(value))
     except ArithmeticError:
@@ -366,11 +335,6 @@ def nearest_double(value: Any) -> float:
 
     Python rounds fractions this way, SymPy does not. Irrational numbers are rounded to 40 digits first, which matters
     only for numbers that agree with the midpoint of two doubles to 40 digits.
-
-    Example:
-        >>> import sympy
-        >>> nearest_double(Fraction(1, 3)), nearest_double(1 - sympy.sqrt(2))
-        (0.3333333333333333, -0.41421356237309503)
     """
     if not hasattr(value, "evalf"):
         return float(value)

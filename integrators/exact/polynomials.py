@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
-from math import lcm
 from typing import TYPE_CHECKING, Any
-
-from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     from flint import fmpq
@@ -50,12 +47,7 @@ def scale(p: Polynomial, factor: Fraction | int) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The product p · q.
-
-    Example:
-        >>> [str(a) for a in multiply((Fraction(-1), Fraction(1)), (Fraction(1), Fraction(1)))]
-        ['-1', '0', '1']
-    """
+    """The product p · q."""
     product = [Fraction(0)] * max(0, len(p) + len(q) - 1)
     for i, a in enumerate(p):
         if a:
@@ -82,12 +74,7 @@ def remainder(p: Polynomial, modulus: Polynomial) -> Polynomial:
 
 
 def invert(p: Polynomial, modulus: Polynomial) -> Polynomial:
-    """The inverse of p modulo a coprime polynomial.
-
-    Example:
-        >>> [str(a) for a in invert((Fraction(1), Fraction(1)), (Fraction(-2), Fraction(0), Fraction(1)))]
-        ['-1', '1']
-    """
+    """The inverse of p modulo a coprime polynomial."""
     return _fractions(_by_flint(p).xgcd(_by_flint(modulus))[1].coeffs())
 
 
@@ -117,22 +104,6 @@ def compose(p: Polynomial, q: Polynomial) -> Polynomial:
     return value
 
 
-def solve(matrix: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> Matrix:
-    """The matrix X with matrix · X = right.
-
-    Example:
-        >>> solve([[Fraction(2), Fraction(1)], [Fraction(1), Fraction(1)]], [[Fraction(1)], [Fraction(0)]])
-        ((Fraction(1, 1),), (Fraction(-1, 1),))
-    """
-    left = to_flint_matrix(matrix)
-    try:
-        return matrix_rows(left.solve(to_flint_matrix(right)))
-    except ZeroDivisionError:
-        raise IntegratorError(
-            f"matrix must be invertible, but its rank is {left.rank()}, below {len(matrix)}"
-        ) from None
-
-
 def to_flint_matrix(rows: Iterable[Sequence[Fraction | int]]) -> Any:
     """A rational matrix of python-flint."""
     import flint
@@ -145,12 +116,6 @@ def matrix_rows(matrix: Any) -> Matrix:
     return tuple(map(_fractions, matrix.tolist()))
 
 
-def primitive(p: Polynomial) -> tuple[int, ...]:
-    """The coefficients of p times their common denominator."""
-    denominator = lcm(*(a.denominator for a in p))
-    return tuple(a.numerator * (denominator // a.denominator) for a in p)
-
-
 def count_real_roots(p: Polynomial) -> tuple[int, bool]:
     """The number of distinct real roots of p, and whether all roots, including complex ones, are simple."""
     found = _by_flint(p).complex_roots()  # isolated; imaginary parts of real roots are exactly 0
@@ -161,10 +126,6 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
     """The roots of a polynomial with simple real roots only, ascending.
 
     Rational roots are exact; the others are within 10^-digits, as proved by python-flint's ball arithmetic.
-
-    Example:
-        >>> [str(root) for root in real_roots((Fraction(0), Fraction(-1, 3), Fraction(1)))]
-        ['0', '1/3']
     """
     import flint
 
@@ -209,10 +170,6 @@ def _fractions(values: Iterable[Any]) -> tuple[Fraction, ...]:
 @cache
 def gauss_legendre(count: int, digits: int = 40) -> tuple[tuple[Fraction, Fraction], ...]:
     """Nodes, in ascending order, and weights on [0, 1]; exact for polynomials of degree 2 count − 1.
-
-    Example:
-        >>> [(round(float(x), 10), float(weight)) for x, weight in gauss_legendre(2)]
-        [(0.2113248654, 0.5), (0.7886751346, 0.5)]
 
     References:
         F. Johansson, M. Mezzarobba, SIAM J. Sci. Comput. 40 (2018) C726–C747, doi:10.1137/18M1170133.

@@ -32,12 +32,7 @@ inlined: Any = njit(nogil=True, error_model="numpy", fastmath=False, forceinline
 
 
 def split(value: Fraction) -> DoubleDouble:
-    """The pair nearest to an exact number.
-
-    Example:
-        >>> split(Fraction(1, 3))
-        (0.3333333333333333, 1.850371707708594e-17)
-    """
+    """The pair nearest to an exact number."""
     high = float(value)
     return high, float(value - Fraction(high))
 

@@ -40,23 +40,7 @@ PATIENCE = 3
 
 
 class Arithmetic:
-    """The numbers to compute with: doubles, or mpmath numbers with guard digits.
-
-    Args:
-        digits: The number of decimal digits; None for doubles.
-
-    Raises:
-        IntegratorError: `digits` is neither None nor an integer from 1 to 1000.
-
-    Example:
-        >>> arithmetic = Arithmetic(30)
-        >>> with arithmetic.working():
-        ...     third = arithmetic.read(["1/3"], "y")
-        >>> print(arithmetic.rounded(third)[0])
-        0.333333333333333
-        >>> abs(3 * arithmetic.rounded(third)[0] - 1) < 1e-29
-        True
-    """
+    """The numbers to compute with: doubles if `digits` is None, or mpmath numbers with guard digits."""
 
     def __init__(self, digits: int | None = None) -> None:
         check_digits(digits)
@@ -121,16 +105,6 @@ class Arithmetic:
         """Whether all components are finite, and below 2^MOST_BITS for mpmath."""
         return all(abs(x) < self._largest for vector in vectors for x in vector)
 
-    def solve(self, matrix: Vector, right: Vector) -> Vector | None:
-        """The solution of a linear system; None if the matrix is singular or not finite."""
-        context = self.context
-        if not self.is_finite(*matrix):
-            return None
-        try:
-            return self.vector(list(context.lu_solve(context.matrix(matrix.tolist()), context.matrix(right.tolist()))))
-        except ZeroDivisionError:
-            return None
-
     def rounded(self, vector: Iterable[Any]) -> Vector:
         """The vector without guard digits."""
         if self.digits is None:
@@ -139,35 +113,18 @@ class Arithmetic:
             return self.vector([+mpmath.mpmathify(x) for x in vector])
 
 
-def plain_step(
-    method: Method, field: ByPart, y: Sequence[Any], h: Any, *, derivative: ByPart | None = None,
-    flows: ByPart | None = None, digits: int | None = None,
-) -> Vector:  # fmt: skip
-    """One step of a method, computed from its definition.
+def plain_step(method: Method, field: ByPart, y: Sequence[Any], h: Any, **options: Any) -> Vector:
+    """One step of a method, computed from its definition; the options are `derivative`, `flows` and `digits`.
 
     Implicit stages are found by fixed-point iteration, or else by Newton's method, until the increments stagnate; flows
     and averages of the field are computed numerically until they no longer change.
-
-    Example:
-        >>> from integrators import method
-        >>> print(plain_step(method("rk4"), lambda y: [-y[1], y[0]], [1, 0], 0.1))
-        [0.99500417 0.09983333]
-        >>> verlet, field = method("stormer-verlet"), lambda y: [-y[1], y[0]]
-        >>> print(plain_step(verlet, block_parts(field, {"p": [0], "q": [1]}), [1, 0], "1/10", digits=30))
-        [mpf('0.995') mpf('0.1')]
     """
-    stepper = _Stepper(method, field, y, h, derivative, flows, digits)
+    stepper = _Stepper(method, field, y, h, **options)
     return stepper.step(stepper.start)
 
 
 def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: int, **options: Any) -> Vector:
-    """Several steps of a method; the options and errors are those of `plain_step`.
-
-    Example:
-        >>> from integrators import method
-        >>> print(plain_steps(method("explicit-euler"), lambda y: -y, [1], 0.5, 3))
-        [[1.    0.5   0.25  0.125]]
-    """
+    """Several steps of a method; the options and errors are those of `plain_step`."""
     read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
     stepper = _Stepper(method, field, y, h, **options)
     columns = [stepper.start]
@@ -180,13 +137,7 @@ def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: 
 
 
 def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict[str, Function]:
-    """Split a field, or its derivative, into parts by blocks of variables.
-
-    Example:
-        >>> parts = block_parts(lambda y: [-y[1], y[0]], {"p": [0], "q": [1]})
-        >>> parts["p"]([3, 4]), parts["q"]([3, 4])
-        ([-4, 0], [0, 3])
-    """
+    """Split a field, or its derivative, into parts by blocks of variables."""
     if not callable(function) or not isinstance(blocks, Mapping):
         raise IntegratorError(f"blocks must map parts to components, but was {shown(blocks)}")
     numbers = {name: items(block, f"blocks[{name}]") for name, block in blocks.items()}
@@ -208,10 +159,8 @@ def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict
 
 def _by_part(given: Any, names: Sequence[str], argument: str, *, optional: bool = False) -> list[Any]:
     """A function for each part, in their order, from a mapping, a sequence, or a single function."""
-    if given is None and optional:
-        return [None] * len(names)
     wanted = f"a function for each of the parts {', '.join(names)}" if len(names) > 1 else "a function"
-    functions = [given] if callable(given) and len(names) == 1 else given
+    functions = [given] if callable(given) else [None] * len(names) if given is None and optional else given
     if isinstance(given, Mapping):
         for name in given.keys() - set(names):
             raise IntegratorError(f"{argument} must be {wanted}, but has one for {shown(name)}")
@@ -409,14 +358,10 @@ def _polynomial(coefficients: Sequence[Vector], θ: Any) -> Vector:
 
 
 def _flow_increment(right: Right, start: Vector, arithmetic: Arithmetic) -> Vector:
-    """z(1) − z(0) for z′(θ) = right(θ, z) and z(0) = start, by extrapolation of the explicit midpoint rule.
+    """z(1) − z(0) for z′(θ) = right(θ, z) and z(0) = start, by the method of Gragg, Bulirsch and Stoer (HNW I, II.9).
 
     An interval without convergence is halved. Increments, unlike end values, have rounding errors that are small
     against z.
-
-    References:
-        Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, II.9 (the method of Gragg, Bulirsch and
-        Stoer).
     """
     total, waiting = start * 0, [(0, 0)]
     while waiting:
@@ -433,7 +378,7 @@ def _flow_increment(right: Right, start: Vector, arithmetic: Arithmetic) -> Vect
 
 
 def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: Arithmetic) -> Vector | None:
-    """The increment of z in an interval, extrapolated from n = 2, 4, 6, … steps; None without convergence.
+    """The increment of z in an interval, from n = 2, 4, 6, … steps of the midpoint rule; None without convergence.
 
     The error of n steps has an expansion in 1/n², whose terms the Aitken–Neville tableau eliminates one by one. With
     more columns its factors would amplify rounding errors.
@@ -457,11 +402,7 @@ def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: A
 
 
 def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
-    """The solution of x = g(x) by iteration until the increments stagnate; None without convergence.
-
-    References:
-        Hairer, Lubich, Wanner, *Geometric Numerical Integration*, VIII.6.
-    """
+    """The solution of x = g(x) by iteration until increments stagnate (HLW, VIII.6); None without convergence."""
     least, failures = math.inf, 0
     for _ in range(MOST_ITERATIONS):
         before, x = x, g(x)
@@ -477,13 +418,16 @@ def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmeti
 
 def _newton(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by Newton's method with difference Jacobians; None without convergence."""
-    one = arithmetic.vector(np.eye(len(x)))
+    context, one = arithmetic.context, arithmetic.vector(np.eye(len(x)))
 
     def improved(x: Vector) -> Vector:
         value = g(x)
-        width = arithmetic.context.eps**0.5 * (max(scale, _size(x)) or 1)
+        width = context.eps**0.5 * (max(scale, _size(x)) or 1)
         columns = [unit - (g(x + unit * width) - value) / width for unit in one]
-        correction = arithmetic.solve(np.transpose(columns), value - x)
-        return value * math.nan if correction is None else x + correction
+        try:
+            matrix, right = np.transpose(columns).tolist(), (value - x).tolist()
+            return x + arithmetic.vector(list(context.lu_solve(context.matrix(matrix), context.matrix(right))))
+        except ZeroDivisionError:  # a singular matrix
+            return value * math.nan
 
     return _fixed_point(improved, x, scale, arithmetic)

@@ -163,12 +163,6 @@ def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
     """The first step of `reference_solution`, at most the span, which is positive.
 
     If no step is possible, it is the shortest time that was tried.
-
-    Example:
-        >>> from integrators import Scene
-        >>> fast = Scene({"y": 1}, field={"y": "1 + y^2"})
-        >>> print(f"{first_step(fast, 1.0, y0=[0], digits=15):.3f}")
-        0.176
     """
     from integrators.reference import taylor_series as taylor
 

@@ -67,34 +67,17 @@ PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 
 class TaylorProgram(NamedTuple):
-    """The operations of a scene as arrays.
+    """The operations of a scene as arrays."""
 
-    Attributes:
-        dimension: The number of variables, hence the register of the constant 1.
-        operations: The rows of `Operations`; LINEAR has the first and the end of its terms.
-        derivatives: The index of the first term of each derivative y_i', then the end of the last.
-        registers: The register of each term of a linear combination.
-        weights: The coefficient of each term, as a double-double number.
-    """
-
-    dimension: int
-    operations: np.ndarray
-    derivatives: np.ndarray
-    registers: np.ndarray
-    weights: np.ndarray
+    dimension: int  # the number of variables, hence the register of the constant 1
+    operations: np.ndarray  # the rows of `Operations`; LINEAR has the first and the end of its terms
+    derivatives: np.ndarray  # the index of the first term of each derivative y_i', then the end of the last
+    registers: np.ndarray  # the register of each term of a linear combination
+    weights: np.ndarray  # its coefficient, as a double-double number
 
 
 def taylor_program(scene: Scene) -> TaylorProgram:
-    """The operations that compute f(y) for a scene.
-
-    Example:
-        >>> from integrators import Scene
-        >>> program = taylor_program(Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)"))
-        >>> len(program.operations)  # sin q, cos q and −sin q
-        3
-        >>> program.derivatives - program.derivatives[0], program.registers[program.derivatives[0] :]
-        (array([0, 1, 2]), array([3, 0]))
-    """
+    """The operations that compute f(y) for a scene."""
     check_formulas((term.formula for term in scene.numeric_terms), "Taylor series (settled_solution needs values only)")
     operations = Operations(scene.dimension)
     derivatives: list[list[Term]] = [[] for _ in range(scene.dimension)]
@@ -205,17 +188,12 @@ def _weight(number: Any) -> tuple[float, float]:
 
 
 class Operations:
-    """A growing list of operations.
-
-    Attributes:
-        one: The register of the constant 1.
-        rows: For each operation its kind, then for LINEAR the index in `combinations`, for PRODUCT two registers, for
-            POWER a register, the numerator and the denominator of the exponent, for FUNCTION + k the registers u and g.
-        combinations: Linear combinations of registers.
-    """
+    """A growing list of operations."""
 
     def __init__(self, dimension: int):
-        self.one = dimension
+        self.one = dimension  # the register of the constant 1
+        # For each operation its kind, then for LINEAR the index in `combinations`, for PRODUCT two registers, for POWER
+        # a register, the numerator and the denominator of the exponent, for FUNCTION + k the registers u and g.
         self.rows: list[list[int]] = []
         self.combinations: list[tuple[Term, ...]] = []
         self.unit = mpf(1)
@@ -533,21 +511,13 @@ def advance(
     program: TaylorProgram, series: Any, state: Any, order: int, perturbation: float, steps: int, times: Any,
     first: int, values: Any,
 ) -> tuple[int, int]:  # fmt: skip
-    """Make some steps, and evaluate the solution at the times that they pass.
+    """Make at most `steps` steps, and evaluate the solution at the times that they pass, from index `first` on.
 
-    Args:
-        program: The operations.
-        series: An array (registers, order + 1, 2) with the state in its first coefficients; overwritten.
-        state: The time since the start as a double-double number, and the unit; updated.
-        order: The order of the series.
-        perturbation: Relative change of each variable after each step, of random sign, and relative extension of steps.
-        steps: The largest number of expansions.
-        times: Times since the start as double-double numbers (n, 2), of one sign and increasing in size.
-        first: The index of the next time.
-        values: An array (variables, n, 3) that receives the solution at these times, and its size within the step.
-
-    Returns:
-        The index of the next time, and the status: RUNNING, DONE, or STUCK (no step is possible).
+    The result is the index of the next time, and RUNNING, DONE, or STUCK (no step is possible). `series`, (registers,
+    order + 1, 2), has the state in its first coefficients and is overwritten; `state`, the time since the start as a
+    double-double number and the unit, is updated. `times`, (n, 2), are since the start, of one sign and increasing in
+    size; `values`, (variables, n, 3), receives the solution there and its size within the step. `perturbation` is the
+    relative change of each variable after each step, of random sign, and the relative extension of steps.
     """
     dimension = program.dimension
     series[dimension, :, :] = 0.0

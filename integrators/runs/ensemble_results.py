@@ -66,14 +66,7 @@ def merged(a: Statistics, b: Statistics) -> Statistics:
 
 
 def merged_pairwise(leaves: Iterable[Statistics]) -> Statistics:
-    """The statistics of all leaves, members or blocks, merged along the tree; few are kept at any time.
-
-    Example:
-        >>> import numpy as np
-        >>> whole = merged_pairwise(member_statistics(np.array([[value]]), rows=1) for value in (1.0, 2.0, 3.0))
-        >>> whole.mean.item(), whole.squares.item()
-        (2.0, 2.0)
-    """
+    """The statistics of all leaves, members or blocks, merged along the tree; few are kept at any time."""
     subtrees: list[Statistics] = []
     for number, leaf in enumerate(leaves, 1):
         subtrees.append(leaf)
@@ -88,20 +81,12 @@ def merged_pairwise(leaves: Iterable[Statistics]) -> Statistics:
 
 
 class Failure(NamedTuple):
-    """A member that did not reach the end.
+    """A member that did not reach the end."""
 
-    Attributes:
-        member: Its number, from 0.
-        step: The step that failed, from 1; 0 if there was no start.
-        t: The time before that step.
-        y: The state before that step, if there was one.
-        reason: The cause.
-    """
-
-    member: int
-    step: int
-    t: float
-    y: tuple[float, ...] | None
+    member: int  # its number, from 0
+    step: int  # the step that failed, from 1; 0 if there was no start
+    t: float  # the time before that step
+    y: tuple[float, ...] | None  # the state before that step, if there was one
     reason: str
 
 
@@ -173,11 +158,8 @@ class EnsembleResult(Tabular):
         meta: The scene, the method and the options.
         failures: The members that did not reach the end.
         count: The number of members that reached each time, (times,).
-        mean: Means.
-        variance: Unbiased variances.
-        std: Standard deviations.
-        minimum: Smallest values.
-        maximum: Largest values.
+        mean, variance, std: Means, unbiased variances, and standard deviations.
+        minimum, maximum: Smallest and largest values.
         series: The quantities of the first `keep` members, (members, times); nan after a failure.
         final: The last states, (members, variables), nan for failed members; no rows if they were not saved.
 
@@ -235,15 +217,10 @@ class EnsembleResult(Tabular):
         """A quantity over time: mean, standard deviation, extremes, and the members that were kept.
 
         Args:
-            ax: The axes; None for those of a new figure.
             name: The quantity; by default the first one.
-
-        Returns:
-            The axes.
 
         Raises:
             IntegratorError: The name is unknown, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
 
         Example:
             >>> from integrators import scene
@@ -305,9 +282,6 @@ class EnsembleResult(Tabular):
 
 def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
     """Read a file of `EnsembleResult.save`.
-
-    Args:
-        path: The file.
 
     Raises:
         IntegratorError: The file is not that of an ensemble.

@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache, partial
 from itertools import repeat
@@ -165,6 +165,11 @@ class Members:
         series, ends = values[None][: int(member < self.keep)], end[None][: int(self.final)]
         return Block(member_statistics(values, rows), series, ends, tuple(failures))
 
+    def block(self, members: range, starts: np.ndarray | None) -> Block:
+        """The runs of a block of members from their starts; None: they are drawn."""
+        own = repeat(None, len(members)) if starts is None else starts
+        return merged_blocks(self.result(member, y0) for member, y0 in zip(members, own, strict=True))
+
 
 @lru_cache(maxsize=4)
 def _restored(packed: bytes) -> Members:
@@ -172,21 +177,8 @@ def _restored(packed: bytes) -> Members:
 
 
 def member_generator(seed: int, member: int) -> np.random.Generator:
-    """The generator of a member: that of ``SeedSequence(seed).spawn(…)[member]``, made directly.
-
-    Example:
-        >>> import numpy as np
-        >>> third = np.random.SeedSequence(7).spawn(3)[2]
-        >>> member_generator(7, 2).random() == np.random.default_rng(third).random()
-        True
-    """
+    """The generator of a member: that of ``SeedSequence(seed).spawn(…)[member]``, made directly."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(member,)))
-
-
-def run_block(work: Members, members: range, starts: np.ndarray | None) -> Block:
-    """Run a block of members from their starts; None: they are drawn."""
-    own = repeat(None, len(members)) if starts is None else starts
-    return merged_blocks(work.result(member, y0) for member, y0 in zip(members, own, strict=True))
 
 
 BOOKKEEPING = 2
@@ -232,17 +224,12 @@ def ensemble(
     `integrate` from its start. (Different processors may round differently.)
 
     Args:
-        method: The method, or its name.
-        scene: The scene.
-        h: The step size.
-        steps: The number of steps of each member.
         span: The length of time instead of `steps`; the last step may end later.
         y0: The starts, (members, variables), unless `sample` is given.
         sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
             `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
         members: The number of members; required with `sample`.
         seed: The seed of the random numbers, 0 or more.
-        t0: The time at the start.
         observe: Quantities, as for `integrate`.
         observe_every: Steps between observations; by default there are about a thousand. The start and the last step
             are always observed.
@@ -308,7 +295,7 @@ def ensemble(
     if executor != "threads" and not isinstance(executor, ThreadPoolExecutor):
         _ = work.packed  # refused here if it cannot be pickled
     folder = None if checkpoint is None else block_folder(checkpoint, same)
-    compute = partial(results_in_order, executor, workers, run_block)
+    compute = partial(results_in_order, executor, workers, Members.block)
     with closing(_blocks(work, starts, count, folder, compute, progress)) as blocks:
         whole = merged_blocks(blocks)
     t = work.t0 + work.h * work.step_numbers
@@ -468,9 +455,7 @@ def _check_workers(workers: Any) -> None:
 
 def available_cores() -> int:
     """The number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
@@ -498,22 +483,19 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
     """
     distributed = optional_module("distributed", "a cluster")
     _check_workers(workers)
-    if address is not None:
-        if workers is not None:
-            raise IntegratorError("workers must be left out where a scheduler has its own, but was given")
+    if address is not None and workers is not None:
+        raise IntegratorError("workers must be left out where a scheduler has its own, but was given")
+    options: Any = {"threads_per_worker": 1, "dashboard_address": ":0", "memory_limit": 0, "silence_logs": 50}
+    with ExitStack() as opened:
+        cluster: Any = address
+        if address is None:
+            count = workers or available_cores()
+            cluster = opened.enter_context(distributed.LocalCluster(n_workers=count, **options))
         try:
-            client = distributed.Client(address, timeout="10s")
+            client = opened.enter_context(distributed.Client(cluster, timeout="10s"))
         except (OSError, ValueError, TypeError) as error:
             reason = shorten(str(error) or type(error).__name__, 120)
             raise IntegratorError(
                 f"scheduler must be the address of one that runs, but was {shorten(repr(address))}: {reason}"
             ) from None
-        with client:
-            yield client.get_executor(pure=False)
-        return
-    options: Any = {"threads_per_worker": 1, "dashboard_address": ":0", "memory_limit": 0, "silence_logs": 50}
-    with (
-        distributed.LocalCluster(n_workers=workers or available_cores(), **options) as cluster,
-        distributed.Client(cluster) as client,
-    ):
         yield client.get_executor(pure=False)

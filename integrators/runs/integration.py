@@ -139,13 +139,9 @@ def integrate(
     ends bit for bit like an uninterrupted one. Times are t0 + n h, never sums.
 
     Args:
-        method: The method, or its name.
-        scene: The scene.
         h: The step size, a number or text such as ``"1/10"``; negative backwards in time.
-        steps: The number of steps.
         span: The length of time instead of `steps`; the last step may end later.
         y0: The start, (variables,); by default that of the scene (at time `t0` if the time is among its variables).
-        t0: The time at the start.
         parts, compensated, split, solver, average_nodes, control: As for `stepper`.
         save_every: Store the start, every `save_every`-th state, and the last; None stores start and end only.
         observe: Quantities to observe, see `observers`: ``"energy"``, names of first integrals, ``"invariants"``,

@@ -57,12 +57,7 @@ def bound({arguments}):
 
 
 class Observers:
-    """Compiled functions of (t, y), evaluated together; made by `observers`.
-
-    Attributes:
-        scene: The scene.
-        names: The names of the quantities.
-    """
+    """Compiled functions of (t, y), evaluated together; made by `observers`."""
 
     def __init__(self, scene: Scene, quantities: Mapping[str, str | Callable[..., Any]]):
         self.scene, self.names = scene, tuple(quantities)
@@ -95,11 +90,7 @@ class Observers:
         return _c_function(self.scene, self.names, self._quantities) if self.names else None
 
     def check(self, t: float, y: np.ndarray) -> None:
-        """Call the functions of the user once, since the C function cannot raise.
-
-        Raises:
-            IntegratorError: A function raised an exception.
-        """
+        """Call the functions of the user once, since the C function cannot raise; refuse those that do."""
         for name, quantity in zip(self.names, self._quantities, strict=True):
             if not isinstance(quantity, str):
                 try:
@@ -112,17 +103,7 @@ class Observers:
 
 
 def observers(scene: Scene, observe: Any) -> Observers:
-    """Compile the quantities to observe on a scene.
-
-    Example:
-        >>> import math
-        >>> from integrators import scene
-        >>> seen = observers(scene("pendulum"), ["energy", {"height": lambda t, y: 1 - math.cos(y[1])}])
-        >>> seen.names
-        ('energy', 'height')
-        >>> print(seen(0.0, [0.5, 0.0]))
-        [-0.875  0.   ]
-    """
+    """Compile the quantities to observe on a scene."""
     quantities: dict[str, str | Callable[..., Any]] = {}
     for name, quantity in _pairs(scene, observe):
         if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):

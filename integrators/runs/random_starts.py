@@ -18,21 +18,10 @@ from integrators.scenes.scene import Scene
 
 
 class NormalStart(NamedTuple):
-    """Normally distributed starts, as a function of a NumPy generator.
+    """Normally distributed starts, as a function of a NumPy generator."""
 
-    Attributes:
-        mean: The mean, (variables,).
-        root: A square root of the covariance: a matrix with a row for each variable, or the diagonal of one.
-
-    Example:
-        >>> import numpy as np
-        >>> draw = NormalStart(mean=np.array([1.0, 2.0]), root=np.array([[0.5], [0.5]]))
-        >>> print(np.diff(draw(np.random.default_rng())))
-        [1.]
-    """
-
-    mean: np.ndarray
-    root: np.ndarray
+    mean: np.ndarray  # (variables,)
+    root: np.ndarray  # of the covariance: a matrix with a row for each variable, or the diagonal of one
 
     def __call__(self, rng: np.random.Generator) -> np.ndarray:
         """Draw a start."""
@@ -45,7 +34,6 @@ def perturbed_start(scene: Scene | str, spread: float) -> NormalStart:
     """The start of a scene with a normal number added to each value.
 
     Args:
-        scene: The scene.
         spread: The standard deviation.
 
     Raises:

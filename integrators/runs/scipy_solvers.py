@@ -97,7 +97,6 @@ def scipy_solver(method: RungeKutta | str) -> type[RK45]:
 
     Raises:
         IntegratorError: The method has symbols, is implicit or inconsistent, or has no usable embedded weights.
-        ImportError: SciPy is not installed.
 
     Example:
         >>> from scipy.integrate import solve_ivp

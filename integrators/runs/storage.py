@@ -63,12 +63,7 @@ def _check_memory(size: int) -> None:
 
 
 class Recording:
-    """The rows of a run, in memory; refused if they would not fit.
-
-    Args:
-        run: The content of `RUN`: variables, observed quantities, step size and description.
-        total: The final numbers of rows.
-    """
+    """The rows of a run, in memory; `run` is the content of `RUN`, and `total` are the final numbers of rows."""
 
     def __init__(self, run: Mapping[str, Any], total: Counts):
         _check_memory(_size(run, total))
@@ -103,13 +98,8 @@ class FolderRecording(Recording):
     """The rows of a run, appended to files in a folder, of which `load_trajectory` reads the complete rows.
 
     On a full disk an error names the folder; a memory map of preallocated files would end the process by a signal.
-
-    Args:
-        run: The content of `RUN`.
-        total: The final numbers of rows.
-        folder: The folder; files left by another run are replaced.
-        target: The final trajectory file; None: the trajectory is returned in memory.
-        counts: The numbers of rows to resume from; None starts a new recording.
+    The run resumes from numbers of rows, `counts`; if these are None, files left by another run are replaced. At the
+    end the trajectory goes to the file `target`; if this is None, it is returned in memory.
     """
 
     def __init__(

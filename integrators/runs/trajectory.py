@@ -135,20 +135,15 @@ class Trajectory(Tabular):
         """Variables or observed quantities over time, or over another one: a phase portrait.
 
         Args:
-            ax: The axes; None for those of a new figure.
             x: ``"t"``, a variable or an observed quantity.
             y: Variables or quantities, one or several; by default all variables.
             change: Whether changes since the start are drawn, such as the error of an energy.
             points: Whether states are drawn as points without lines between them.
             label: The name of the run in the legend, for axes with several runs; by default method and scene.
 
-        Returns:
-            The axes.
-
         Raises:
             IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times
                 than those of the states, or `ax` is no axes.
-            ImportError: matplotlib is not installed.
 
         Example:
             >>> from integrators import integrate, scene
@@ -264,12 +259,13 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
             rows = {key: read_rows(os.path.join(folder, ROWS[key]), *width) for key, width in widths}
             return _checked(trajectory_of(run, rows))
         arrays = StoredArrays(name, sentence)
-        times = "m" if "observed_t" in arrays else "n"
+        stored = arrays.members
+        times = "m" if "observed_t" in stored else "n"
         forms = {"variables": Form("U", ("variables",)), "t": Form(REAL, ("n",)), "y": Form(REAL, ("variables", "n"))}
         forms["h"] = Form(REAL)
-        forms |= {name: Form(REAL, (times,)) for name in arrays if name == "observed_t" or name.startswith(OBSERVED)}
+        forms |= {name: Form(REAL, (times,)) for name in stored if name == "observed_t" or name.startswith(OBSERVED)}
         found = arrays.read(forms)
-        meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in arrays else {}
+        meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in stored else {}
         observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
         labels = {"h": float(found["h"]), "variables": found["variables"], "observed": observed, "meta": meta}
         return _checked(Trajectory(found["t"], found["y"], observed_t=found.get("observed_t"), **labels))

@@ -51,14 +51,7 @@ class Guard(NamedTuple):
 
 
 def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
-    """The conditions for a formula and its first `derivatives` derivatives to be defined, innermost first.
-
-    Example:
-        >>> import sympy
-        >>> x, y = sympy.symbols("x y")
-        >>> [(str(guard.formula), guard.relation) for guard in guards(sympy.log(1/x + sympy.sqrt(y)))]
-        [('x', '!='), ('y', '>='), ('sqrt(y) + 1/x', '>')]
-    """
+    """The conditions for a formula and its first `derivatives` derivatives to be defined, innermost first."""
     found = (guard for part in _parts(formula) for guard in _guards_of(part, derivatives))
     return list(dict.fromkeys(guard for guard in found if not guard.formula.is_positive))
 
@@ -230,16 +223,7 @@ def defects(scene: System) -> dict[str, float]:
 
 
 def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
-    """f(y) as a function of mpmath numbers, in mpmath's precision at the time of the call.
-
-    Example:
-        >>> import mpmath
-        >>> from integrators.scenes.scene import Scene
-        >>> riccati = precise_field(Scene({"y": 1}, field={"y": "y^2/3"}))
-        >>> with mpmath.workdps(30):
-        ...     print(mpmath.nstr(riccati([mpmath.mpf(1)])[0], 30))
-        0.333333333333333333333333333333
-    """
+    """f(y) as a function of mpmath numbers, in mpmath's precision at the time of the call."""
     import mpmath
     import sympy
 

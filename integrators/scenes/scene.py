@@ -62,12 +62,9 @@ class Scene(System, Tabular):
             it a symbol.
         invariants: First integrals by name (the Hamiltonian need not be among them).
         start: Start values by block: a list, or one row for each site.
-        effects: Effects by name, all off; see `with_effects`.
+        effects, active: Effects by name, and the names of those that are on; see `with_effects`.
         positive: Formulas that are positive wherever the field is defined.
-        active: The effects that are on.
-        name: The name in messages and files.
-        reference: The source.
-        summary: One line about the scene.
+        name, reference, summary: The name in messages and files, the source, and one line about the scene.
 
     Attributes:
         effects: The effects as declared; their current values are in `parameters`.

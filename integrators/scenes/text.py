@@ -46,7 +46,6 @@ def parse_scene(
             of a block have the order of their equations.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
-        name: The name of the scene in messages.
 
     Raises:
         IntegratorError: The text is not a list of equations, or a name has neither an equation nor a value.
@@ -246,12 +245,7 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
 
 
 def loads_scene(text: str, *, source: str = "text") -> Scene:
-    """Read a scene from TOML text, named `source` in error messages.
-
-    Example:
-        >>> loads_scene('variables = {y = 1}\\nfield = {y = "y^2"}').field
-        (y**2,)
-    """
+    """Read a scene from TOML text, named `source` in error messages."""
     with errors_from(source):
         scene = _read_scene(parse_toml(text))
         check_invariants(scene)
@@ -268,7 +262,6 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene to a TOML file, from which `load_scene` reads an equal one.
 
     Args:
-        scene: The scene.
         path: The file; it is replaced atomically, or left unchanged if writing fails.
 
     Raises:

@@ -23,10 +23,10 @@ from typing import Any
 
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import cancels
-from integrators.exact.polynomials import Matrix, Polynomial, add, scale, solve
+from integrators.exact.polynomials import Matrix, Polynomial, add, matrix_rows, scale, to_flint_matrix
 from integrators.methods.catalogue.registry import MethodEntry
 from integrators.methods.tableaux.runge_kutta import RungeKutta
-from integrators.methods.tableaux.stage_algebra import StageAlgebra
+from integrators.methods.tableaux.stage_algebra import StageAlgebra, gram_matrix
 
 BUTCHER = "J. C. Butcher, Math. Comp. 18 (1964) 50–64, doi:10.1090/S0025-5718-1964-0159424-9"
 EHLE = "B. L. Ehle, PhD thesis, University of Waterloo (1969)"
@@ -39,12 +39,7 @@ STIFF = "Hairer, Wanner, Solving Ordinary Differential Equations II, §IV.5, doi
 
 
 def legendre(degree: int) -> Polynomial:
-    """The Legendre polynomial of a degree, shifted to [0, 1], by Rodrigues' formula.
-
-    Example:
-        >>> [str(a) for a in legendre(2)]
-        ['1', '-6', '6']
-    """
+    """The Legendre polynomial of a degree, shifted to [0, 1], by Rodrigues' formula."""
     return tuple(Fraction((-1) ** (degree - k) * comb(degree, k) * comb(degree + k, k)) for k in range(degree + 1))
 
 
@@ -79,20 +74,12 @@ def collocation(nodes: Polynomial) -> Matrix:
 
 def conjugate(nodes: Polynomial, matrix: Matrix) -> Matrix:
     """The symplectic conjugate Â = 1·b − A*, where A* is the adjoint of A in the form b[f·g] = Σ b_i f(c_i) g(c_i)."""
-    stages = len(nodes) - 1
-    moments = [*quadrature(nodes)]
-    for degree in range(stages, 2 * stages - 1):
-        reduced = (a * moments[degree - stages + k] for k, a in enumerate(nodes[:-1]))
-        moments.append(-sum(reduced, Fraction(0)))
-    gram = [moments[k : k + stages] for k in range(stages)]
+    weights = quadrature(nodes)
+    gram = gram_matrix(nodes, weights)
     # b[f·A g] has the matrix gram·A, so gram·A* is its transpose.
-    transposed = [
-        [sum((gram[row][k] * matrix[k][column] for k in range(stages)), Fraction(0)) for row in range(stages)]
-        for column in range(stages)
-    ]
-    first, *others = solve(gram, transposed)
-    constants = tuple(m - a for m, a in zip(gram[0], first, strict=True))
-    return (constants, *(tuple(-a for a in row) for row in others))
+    adjoint = gram.solve((gram * to_flint_matrix(matrix)).transpose())
+    constants = to_flint_matrix([weights, *[[0] * len(weights)] * (len(weights) - 1)])
+    return matrix_rows(constants - adjoint)
 
 
 def lobatto_c(nodes: Polynomial) -> Matrix:
@@ -113,7 +100,7 @@ def lobatto_c(nodes: Polynomial) -> Matrix:
 
 def average(left: Matrix, right: Matrix) -> Matrix:
     """The mean of two matrices."""
-    return tuple(tuple((a + b) / 2 for a, b in zip(*rows, strict=True)) for rows in zip(left, right, strict=True))
+    return matrix_rows((to_flint_matrix(left) + to_flint_matrix(right)) / 2)
 
 
 def conjugate_collocation(nodes: Polynomial) -> Matrix:

@@ -44,13 +44,11 @@ class MethodEntry(NamedTuple):
         kind: One of `KINDS`.
         stages: The number of stages; None for a family, whose name is followed by this number.
         order: The order claimed by the source; for a family its formula, such as ``"2s-1"``.
-        description: One line about the method.
-        reference: The source.
+        description, reference: One line about the method, and its source.
         build: Builds the method from ``name`` and ``reference``, and from ``stages`` (families) and the parameters.
         aliases: Other names of the method.
-        parameters: Names of its free parameters.
+        parameters, options: The names of its free parameters, and of those with a customary value.
         least_stages: The smallest number of stages of a family.
-        options: Names of parameters with a customary value.
 
     Example:
         >>> from functools import partial

@@ -219,19 +219,16 @@ def _write_nodepy(method: RungeKutta) -> str:
     pair = method.is_explicit and bool(method.embedded)
     kind = "ExplicitRungeKuttaPair" if pair else f"{'Explicit' * method.is_explicit}RungeKuttaMethod"
     rest = "Embedded weights of implicit methods have no place in it." if method.embedded else ""
-    lines = [
-        f"# {header(method, 'nodepy', None if pair else rest, rounds=is_long)}",
-        "import numpy as np",
-        f"from nodepy.runge_kutta_method import {kind}",
-        "from sympy import Rational, cos, pi, sin, sqrt, tan  # noqa: F401",
-        "",
-        f"A = np.array({_rows(SYMPY, shown.A, digits, '')}, dtype=object)",
-        f"b = np.array([{SYMPY.row(shown.b, digits)}], dtype=object)",
-    ]
-    if pair:
-        lines.append(f"bhat = np.array([{SYMPY.row(shown.embedded[0], digits)}], dtype=object)")
-    arguments = "A, b, bhat" if pair else "A, b"
-    return "\n".join([*lines, f"method = {kind}({arguments}, name={quoted(method.name)})", ""])
+    embedded = f"bhat = np.array([{SYMPY.row(shown.embedded[0], digits)}], dtype=object)\n" if pair else ""
+    return f"""# {header(method, "nodepy", None if pair else rest, rounds=is_long)}
+import numpy as np
+from nodepy.runge_kutta_method import {kind}
+from sympy import Rational, cos, pi, sin, sqrt, tan  # noqa: F401
+
+A = np.array({_rows(SYMPY, shown.A, digits, "")}, dtype=object)
+b = np.array([{SYMPY.row(shown.b, digits)}], dtype=object)
+{embedded}method = {kind}({"A, b, bhat" if pair else "A, b"}, name={quoted(method.name)})
+"""
 
 
 def _write_diffrax(method: RungeKutta) -> str:
@@ -245,27 +242,27 @@ def _write_diffrax(method: RungeKutta) -> str:
 
     error = combined(shown.b, shown.embedded[0], -1) if shown.embedded else [shown.b[0] * 0] * shown.stages
     none = None if shown.embedded else "Without embedded weights, the error is estimated as zero."
-    lower = [f"        {array(row[:i])},\n" for i, row in enumerate(shown.A) if i]
-    lines = [
-        f"# {header(method, 'diffrax, which computes in doubles', none)}",
-        "import numpy as np",
-        "from diffrax import ButcherTableau",
-        "",
-        f"{identifier(method.name)}_tableau = ButcherTableau(",
-        f"    c={array(shown.c[1:])},",
-        f"    b_sol={array(shown.b)},",
-        f"    b_error={array(error)},",
-        f"    a_lower=(\n{''.join(lower)}    ),",
-    ]
+    lower = "".join(f"        {array(row[:i])},\n" for i, row in enumerate(shown.A) if i)
+    implicit = ""
     if not method.is_explicit:
         # The stages are predicted by the derivative at the stage before.
-        predictors = ("".join(["0.0, "] * i + ["1.0"]) for i in range(shown.stages - 1))
-        lines += [
-            f"    a_diagonal={array(row[i] for i, row in enumerate(shown.A))},",
-            "    a_predictor=(\n" + "".join(f"        np.array([{row}]),\n" for row in predictors) + "    ),",
-            f"    c1={PYTHON_DOUBLES.text(shown.c[0], shown.digits)},",
-        ]
-    return "\n".join([*lines, ")", ""])
+        predictors = "".join(f"        np.array([{'0.0, ' * i}1.0]),\n" for i in range(shown.stages - 1))
+        implicit = f"""\
+    a_diagonal={array(row[i] for i, row in enumerate(shown.A))},
+    a_predictor=(\n{predictors}    ),
+    c1={PYTHON_DOUBLES.text(shown.c[0], shown.digits)},
+"""
+    return f"""# {header(method, "diffrax, which computes in doubles", none)}
+import numpy as np
+from diffrax import ButcherTableau
+
+{identifier(method.name)}_tableau = ButcherTableau(
+    c={array(shown.c[1:])},
+    b_sol={array(shown.b)},
+    b_error={array(error)},
+    a_lower=(\n{lower}    ),
+{implicit})
+"""
 
 
 def _diffrax_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
@@ -383,20 +380,19 @@ def _write_sundials(method: RungeKutta) -> str:
     shown = rounded(method)
     order, embedded_order = orders(method)
     matrix = "".join(f"    {C_DOUBLES.row(row, shown.digits)},\n" for row in shown.A)
-    lines = [
-        f"// {header(method, 'SUNDIALS', order=order)}",
-        "#include <arkode/arkode_butcher.h>",
-        "",
-        f"static ARKodeButcherTable {identifier(method.name)}_table(void)",
-        "{",
-        f"  sunrealtype A[] = {{\n{matrix}  }};",
-        f"  sunrealtype c[] = {_braces(shown.c, shown.digits)};",
-        f"  sunrealtype b[] = {_braces(shown.b, shown.digits)};",
-    ]
-    if shown.embedded:
-        lines.append(f"  sunrealtype d[] = {_braces(shown.embedded[0], shown.digits)};")
+    embedded = f"  sunrealtype d[] = {_braces(shown.embedded[0], shown.digits)};\n" if shown.embedded else ""
     arguments = f"{method.stages}, {order}, {embedded_order}, c, A, b, {'d' if shown.embedded else 'NULL'}"
-    return "\n".join([*lines, f"  return ARKodeButcherTable_Create({arguments});", "}", ""])
+    return f"""// {header(method, "SUNDIALS", order=order)}
+#include <arkode/arkode_butcher.h>
+
+static ARKodeButcherTable {identifier(method.name)}_table(void)
+{{
+  sunrealtype A[] = {{\n{matrix}  }};
+  sunrealtype c[] = {_braces(shown.c, shown.digits)};
+  sunrealtype b[] = {_braces(shown.b, shown.digits)};
+{embedded}  return ARKodeButcherTable_Create({arguments});
+}}
+"""
 
 
 def _printed_table(text: str) -> str:
@@ -413,18 +409,18 @@ def _write_petsc(method: RungeKutta) -> str:
     order, stages = orders(method)[0], method.stages
     register = "TSRKRegister" if method.is_explicit else "TSDIRKRegister"
     matrix = "".join(f"  {_braces(row, shown.digits)},\n" for row in shown.A)
-    lines = [
-        f"// {header(method, 'PETSc', order=order)}",
-        "#include <petscts.h>",
-        "",
-        f"const PetscReal A[{stages}][{stages}] = {{\n{matrix}}};",
-        f"const PetscReal b[{stages}] = {_braces(shown.b, shown.digits)};",
-        f"const PetscReal c[{stages}] = {_braces(shown.c, shown.digits)};",
-    ]
+    embedded = ""
     if shown.embedded:
-        lines.append(f"const PetscReal bembed[{stages}] = {_braces(shown.embedded[0], shown.digits)};")
-    arguments = f"{order}, {stages}, &A[0][0], b, c, {'bembed' if shown.embedded else 'NULL'}, 1, b"
-    return "\n".join([*lines, f"PetscCall({register}({quoted(method.name)}, {arguments}));", ""])
+        embedded = f"const PetscReal bembed[{stages}] = {_braces(shown.embedded[0], shown.digits)};\n"
+    arguments = f"{order}, {stages}, &A[0][0], b, c, {'bembed' if embedded else 'NULL'}, 1, b"
+    return f"""// {header(method, "PETSc", order=order)}
+#include <petscts.h>
+
+const PetscReal A[{stages}][{stages}] = {{\n{matrix}}};
+const PetscReal b[{stages}] = {_braces(shown.b, shown.digits)};
+const PetscReal c[{stages}] = {_braces(shown.c, shown.digits)};
+{embedded}PetscCall({register}({quoted(method.name)}, {arguments}));
+"""
 
 
 FORMATS: dict[str, Format] = {

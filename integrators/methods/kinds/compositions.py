@@ -33,7 +33,6 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
     Args:
         steps: pairs (method, fraction) in the order of application, with the step fraction · h. The methods must have
             the same parts; fractions are numbers or formulas such as "1/(2-root(2,3))" and may be negative.
-        name: the name in messages.
 
     Returns:
         The composition Φ^s_(γ_s h) ∘ … ∘ Φ^1_(γ_1 h): a `Splitting` if all methods are, otherwise a program.
@@ -53,18 +52,23 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
     References:
         Hairer, Lubich, Wanner, *Geometric Numerical Integration*, II.4.
     """
+    return _composed(steps, name)
+
+
+def _composed(steps: Iterable[tuple[Method, Any]], name: str | None, digits: int | None = None) -> Program | Splitting:
+    """The composition, whose fractions have this number of correct digits (None: exact)."""
     pairs = _read_pairs(steps, "steps", "fraction")
     methods = [method for method, _ in pairs]
-    name = name or f"composition of {_names(methods)}"
+    name, digits = name or f"composition of {_names(methods)}", _fewest([digits, *(m.digits for m in methods)])
     splittings = [(method, x) for method, x in pairs if isinstance(method, Splitting)]
     if len(splittings) == len(pairs):
         flows = [(part, entries.multiply_entries(x, fraction)) for one, fraction in splittings for part, x in one.flows]
-        return Splitting(flows, parts=methods[0].names, name=name, digits=_digits(methods))
+        return Splitting(flows, parts=methods[0].names, name=name, digits=digits)
     evaluations: list[Evaluation] = []
     end = LinearForm(1)
     for method, fraction in pairs:
         end = _append(evaluations, method.program, fraction, end, methods[0])
-    return _finish(evaluations, end, methods, name)
+    return _finish(evaluations, end, methods, name, digits)
 
 
 def adjoint_method(method: Method, *, name: str | None = None) -> Program | Splitting:
@@ -85,7 +89,7 @@ def adjoint_method(method: Method, *, name: str | None = None) -> Program | Spli
     name = name or f"adjoint of {method.name}"
     if isinstance(method, Splitting):
         return Splitting(method.flows[::-1], parts=method.names, name=name, digits=method.digits)
-    return _finish(*reversed_step(method.program), [method], name)
+    return _finish(*reversed_step(method.program), [method], name, method.digits)
 
 
 def repeat(method: Method, count: int, *, name: str | None = None) -> Program | Splitting:
@@ -102,7 +106,7 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
     method = _read_method(method, "method")
     name = name or f"{count} steps of {method.name}"
     if isinstance(method, Splitting):
-        return composition([(method, Fraction(1, count))] * count, name=name)
+        return _composed([(method, Fraction(1, count))] * count, name)
     return RepeatedProgram(method.program, count, name)
 
 
@@ -111,7 +115,6 @@ def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None 
 
     Args:
         terms: pairs (method, weight); the weights sum to 1. The methods must have the same parts.
-        name: the name of the result in messages.
 
     Raises:
         IntegratorError: a pair is invalid, the methods differ in their parts, or the weights do not sum to 1.
@@ -132,7 +135,8 @@ def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None 
     ends = [_append(evaluations, method.program, Fraction(1), LinearForm(1), methods[0]) for method in methods]
     increments = (end - LinearForm(1) for end in ends)
     end = sum((increment.times(w) for increment, w in zip(increments, weights, strict=True)), LinearForm(1))
-    return _finish(evaluations, end, methods, name or f"combination of {_names(methods)}")
+    name = name or f"combination of {_names(methods)}"
+    return _finish(evaluations, end, methods, name, _fewest(method.digits for method in methods))
 
 
 def extrapolation(
@@ -144,11 +148,9 @@ def extrapolation(
     error of a symmetric method has only the powers h^p, h^(p+2), …, so each further number of steps gains two orders.
 
     Args:
-        method: the method.
         order: its order p.
         steps: the numbers of steps n_j, all different.
         symmetric: whether the error has only powers h^p, h^(p+2), ….
-        name: the name of the result in messages.
 
     Returns:
         A method of order p + m − 1, or p + 2(m − 1) if `symmetric`.
@@ -189,9 +191,11 @@ def _append(
     return end
 
 
-def _finish(evaluations: Sequence[Evaluation], end: LinearForm, methods: Sequence[Method], name: str) -> Program:
+def _finish(
+    evaluations: Sequence[Evaluation], end: LinearForm, methods: Sequence[Method], name: str, digits: int | None
+) -> Program:
     bounds = reduce(common_bounds, (_bounds(method.program, methods[0].names) for method in methods))
-    changes = {"name": name, "reference": None, "digits": _digits(methods), "max_children": bounds}
+    changes = {"name": name, "reference": None, "digits": digits, "max_children": bounds}
     return methods[0].program.changed(evaluations=evaluations, result=end, **changes)
 
 
@@ -204,8 +208,8 @@ def _bounds(program: Program, names: Sequence[str]) -> ChildBounds | None:
     return tuple((*(row[part] for part in order), *row[len(names) :]) for row in rows)
 
 
-def _digits(methods: Iterable[Method]) -> int | None:
-    return min((method.digits for method in methods if method.digits is not None), default=None)
+def _fewest(digits: Iterable[int | None]) -> int | None:
+    return min((count for count in digits if count is not None), default=None)
 
 
 def _names(methods: Iterable[Method]) -> str:
@@ -250,7 +254,6 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
     Args:
         method: a method of even order p.
         order: its order p.
-        name: the name of the result in messages.
 
     Returns:
         A method of order p + 1; a symmetric one of order p + 2 if `method` is symmetric.
@@ -303,7 +306,7 @@ def _steps_around_a_remainder(method: Method, order: Any, count: int, name: str)
     gamma = entries.read_entry(sympy.Add(*terms), "gamma")
     outer = [gamma] * count
     rest = entries.sum_entries((Fraction(1), entries.multiply_entries(gamma, Fraction(-m))))
-    return composition([(method, step) for step in (*outer, rest, *outer)], name=name)
+    return _composed([(method, step) for step in (*outer, rest, *outer)], name)
 
 
 def symmetric_composition(method: Method, scheme: str, *, name: str | None = None) -> Program | Splitting:
@@ -312,7 +315,6 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
     Args:
         method: a symmetric method of order 2.
         scheme: the name of a composition in the catalogue, such as "kahan-li8"; see `recommended`.
-        name: the name of the result in messages.
 
     Returns:
         A symmetric method of the order of the scheme.
@@ -340,7 +342,7 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
         raise IntegratorError(f"scheme must be one of {', '.join((*exact, *SCHEMES))}, but was {shown(scheme)}")
     outer = [Fraction(step) for step in SCHEMES[key].outer.split()]
     steps = [*outer, 1 - 2 * sum(outer), *outer[::-1]]
-    return _with_digits(composition([(method, x) for x in steps], name=title), SCHEMES[key].digits)
+    return _composed([(method, x) for x in steps], title, SCHEMES[key].digits)
 
 
 def adjoint_composition(method: Method, splitting: Splitting, *, name: str | None = None) -> Program | Splitting:
@@ -353,7 +355,6 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
     Args:
         method: a method of order 1, such as the symplectic Euler method or `lie_trotter` with any number of parts.
         splitting: a splitting method in two arbitrary parts.
-        name: the name of the result in messages.
 
     Returns:
         A method of the order of the splitting, symmetric if the splitting is.
@@ -376,23 +377,12 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
         raise IntegratorError(
             f"splitting must be a consistent splitting method in two parts of any kind, but was {_name(splitting)}"
         )
-    title = name or f"{splitting.name} of {_name(method)}"
     steps: list[Entry] = [Fraction(0)]
     for _, coefficient in splitting.flows[:-1]:
         steps.append(entries.sum_entries((coefficient, entries.multiply_entries(steps[-1], Fraction(-1)))))
     pair = method, adjoint_method(method)
-    composed = composition([(pair[k % 2], x) for k, x in enumerate(steps[1:])], name=title)
-    return _with_digits(composed, splitting.digits)
-
-
-def _with_digits(composed: Program | Splitting, digits: int | None) -> Program | Splitting:
-    """The composition, marked with the digits of its decimal steps."""
-    digits = min((count for count in (composed.digits, digits) if count is not None), default=None)
-    if composed.digits == digits:
-        return composed
-    if isinstance(composed, Splitting):
-        return Splitting(composed.flows, parts=composed.names, name=composed.name, digits=digits)
-    return composed.changed(digits=digits)
+    alternating = [(pair[k % 2], x) for k, x in enumerate(steps[1:])]
+    return _composed(alternating, name or f"{splitting.name} of {_name(method)}", splitting.digits)
 
 
 def _name(method: Any) -> str:

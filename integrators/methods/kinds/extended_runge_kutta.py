@@ -22,10 +22,8 @@ class TwoDerivativeRungeKutta(ProgramMethod):
     Y_i = y + h Σ_j a_ij f(Y_j) + h² Σ_j â_ij g(Y_j), and y1 = y + h Σ_i b_i f(Y_i) + h² Σ_i b̂_i g(Y_i).
 
     Args:
-        A: the matrix a_ij by rows.
-        A_hat: the matrix â_ij by rows.
-        b: the weights b_i.
-        b_hat: the weights b̂_i.
+        A, A_hat: the matrices a_ij and â_ij, by rows.
+        b, b_hat: the weights b_i and b̂_i.
         parameters, name, reference, digits: as for `Splitting`.
 
     Raises:
@@ -194,8 +192,7 @@ class LawsonMethod(ProgramMethod):
     Args:
         tableau: an explicit Runge–Kutta method.
         parts: the names of the linear and of the nonlinear part.
-        name: the name in messages.
-        reference: the source.
+        name, reference: as for `Splitting`.
 
     Raises:
         IntegratorError: `tableau` is not an explicit `RungeKutta`, or a name is invalid.
@@ -268,8 +265,7 @@ class Rosenbrock(ProgramMethod):
     The stages are k_i = h f(y0 + Σ_{j<i} α_ij k_j) + h J Σ_{j≤i} γ_ij k_j, and y1 = y0 + Σ_i b_i k_i.
 
     Args:
-        alpha: the strictly lower triangular matrix α_ij, by rows.
-        gamma: the lower triangular matrix γ_ij, by rows.
+        alpha, gamma: the matrices α_ij, strictly lower triangular, and γ_ij, lower triangular, by rows.
         b: the weights b_i.
         parameters, name, reference, digits: as for `Splitting`.
 
@@ -296,7 +292,14 @@ class Rosenbrock(ProgramMethod):
     """The part of the field and the part of the Jacobian."""
 
     def __init__(self, alpha: Any, gamma: Any, b: Any, **labels: Unpack[Labels]) -> None:
-        self._set(_read_coefficients(alpha, gamma, b, labels), **labels)
+        self._set(self._read(alpha, gamma, b, labels), **labels)
+
+    @staticmethod
+    def _read(alpha: Any, gamma: Any, b: Any, labels: Labels) -> dict[str, Any]:
+        coefficients = read.read_stages({"b": b}, {"alpha": alpha, "gamma": gamma}, labels)
+        _check_triangular(coefficients, "alpha", strictly=True)
+        _check_triangular(coefficients, "gamma", strictly=False)
+        return coefficients
 
     @classmethod
     def from_transformed(cls, a: Any, c: Any, m: Any, gamma: Any, **labels: Any) -> Self:
@@ -375,17 +378,10 @@ class WMethod(Rosenbrock):
         self, alpha: Any, gamma: Any, b: Any, *, parts: Sequence[str] = ("f", "W"), **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
         names = read.read_parts(parts, count=2)
-        self._set(_read_coefficients(alpha, gamma, b, labels), parts=names, **labels)
+        self._set(self._read(alpha, gamma, b, labels), parts=names, **labels)
         self.__dict__.update(_parts=names, _auxiliary=names[1:])
 
     max_children = (None, None, None), (1, 1, 1)  # W y is linear
-
-
-def _read_coefficients(alpha: Any, gamma: Any, b: Any, labels: Labels) -> dict[str, Any]:
-    coefficients = read.read_stages({"b": b}, {"alpha": alpha, "gamma": gamma}, labels)
-    _check_triangular(coefficients, "alpha", strictly=True)
-    _check_triangular(coefficients, "gamma", strictly=False)
-    return coefficients
 
 
 def _check_triangular(coefficients: Mapping[str, Any], key: str, *, strictly: bool) -> None:

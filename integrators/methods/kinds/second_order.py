@@ -23,11 +23,9 @@ class RungeKuttaNystrom(ProgramMethod):
     differentials vanish, as stated by `max_children`.
 
     Args:
-        A_bar: the matrix ā_ij of positions, by rows.
-        b_bar: the weights b̄_i of the position.
-        b: the weights b_i of the momentum.
+        A_bar, A: the matrices ā_ij of positions and a_ij of momenta, by rows; for g(q) `A` is None.
+        b_bar, b: the weights b̄_i of the position and b_i of the momentum.
         c: the nodes c_i.
-        A: the matrix a_ij of momenta, for g(q, q'); None for g(q).
         parts: the names of the parts for momenta and positions.
         parameters, name, reference, digits: as for `Splitting`.
 
@@ -93,9 +91,7 @@ class ForceGradient(ProgramMethod):
     g' g). The trees are those of `RungeKuttaNystrom`.
 
     Args:
-        drifts: the s + 1 numbers a_i.
-        kicks: the s numbers b_i.
-        gradients: the s numbers c_i.
+        drifts, kicks, gradients: the s + 1 numbers a_i, the s numbers b_i, and the s numbers c_i.
         parts: the names of the parts for momenta and positions.
         parameters, name, reference, digits: as for `Splitting`.
 
@@ -161,9 +157,7 @@ class TakahashiImada(ProgramMethod):
         alpha: the number α.
         simplified: whether to use the simplified form.
         parts: the names of the parts for momenta and positions.
-        parameters: the symbols allowed in a formula for α.
-        name: the name in messages.
-        reference: the source.
+        parameters, name, reference: as for `Splitting`.
 
     Raises:
         IntegratorError: α is not a number or formula, or a name is invalid.

@@ -34,8 +34,7 @@ class Splitting(ProgramMethod):
         parts: the names of all parts, in the order of the colours 0, 1, …; by default p and q, then other parts in the
             order of their first occurrence.
         parameters: the symbols allowed in formulas.
-        name: the name in messages.
-        reference: the source.
+        name, reference: the name in messages, and the source.
         digits: the number of correct significant digits of decimal coefficients.
 
     Raises:

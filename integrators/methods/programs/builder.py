@@ -115,9 +115,7 @@ class ProgramBuilder:
         """The method with a given end of the step.
 
         Args:
-            result: the end of the step.
-            name: the name of the method in messages.
-            reference: the publication of the method.
+            name, reference: the name of the method in messages, and its publication.
             digits: for coefficients published as decimals, the number of correct significant digits.
             max_children: for a method for fields of a special form, bounds on the children of nodes in trees whose
                 differentials do not vanish: one number, or for each part a row of bounds on its derivatives with

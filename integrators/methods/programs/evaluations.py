@@ -61,14 +61,8 @@ def operands(evaluation: Evaluation) -> Iterator[LinearForm]:
 class LinearForm(ImmutableValue):
     """start · y₀ + Σ terms[e] · k_e: a point of a step (start = 1) or a vector (start = 0).
 
-    Forms can be added, subtracted, and multiplied by numbers; `ProgramBuilder` creates the first ones.
-
-    Args:
-        start: the coefficient of the start value.
-        terms: the coefficient of each evaluation, by number; zeros are dropped.
-
-    Raises:
-        IntegratorError: a coefficient is not a finite number or formula.
+    Forms can be added, subtracted, and multiplied by numbers; `ProgramBuilder` creates the first ones. Coefficients are
+    finite numbers or formulas; zeros are dropped.
 
     Example:
         >>> y = LinearForm(1)

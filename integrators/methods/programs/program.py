@@ -217,15 +217,9 @@ class Program(Method):
         check_digits(digits)
         check_form(result, "result", start=1)
         names = tuple(parts)
-        self.__dict__.update(
-            names=names,
-            auxiliary=tuple(part for part in names if part in auxiliary),
-            evaluations=tuple(evaluations),
-            result=result,
-            digits=digits,
-            **labels,
-            max_children=read_child_bounds(max_children, len(names)),
-        )
+        self.__dict__.update(names=names, evaluations=tuple(evaluations), result=result, digits=digits, **labels)
+        self.__dict__["auxiliary"] = tuple(part for part in names if part in auxiliary)
+        self.__dict__["max_children"] = read_child_bounds(max_children, len(names))
         self._check_registers()
         if self.domain == "float" and self.parameters:
             raise IntegratorError(entries.NO_SYMBOLS_AMONG_FLOATS)
@@ -363,19 +357,9 @@ class RepeatedProgram(Program):
     count: int  # the number of steps
 
     def __init__(self, step: Program, count: int, name: str) -> None:
-        self.__dict__.update(
-            step=step,
-            count=count,
-            name=name,
-            names=step.names,
-            auxiliary=step.auxiliary,
-            reference=None,
-            digits=step.digits,
-            max_children=step.max_children,
-            domain=step.domain,
-            parameters=step.parameters,
-            is_explicit=step.is_explicit,
-        )
+        shared = ("names", "auxiliary", "digits", "max_children", "domain", "parameters", "is_explicit")
+        self.__dict__.update({key: getattr(step, key) for key in shared}, step=step, count=count)
+        self.__dict__.update(name=name, reference=None)
 
     @cached_property
     def _composed(self) -> Program:
@@ -482,8 +466,7 @@ def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> Chil
 def _is_bound(bound: Any) -> bool:
     if isinstance(bound, bool) or not isinstance(bound, Real):
         return bound is None
-    number: Any = bound
-    return number >= 0 and number in (INFINITE, number // 1)
+    return bound >= 0 and bound in (INFINITE, bound // 1)  # type: ignore[operator]
 
 
 def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], LinearForm]:

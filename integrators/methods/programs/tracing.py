@@ -53,8 +53,7 @@ def trace(
     Args:
         step: The function; it returns the end of the step.
         parts: The names of the parts of the field, for partitioned methods and splittings.
-        name: The name of the method; by default that of the function.
-        reference: The publication of the method.
+        name, reference: The name of the method, by default that of the function, and its publication.
         max_children: As for `ProgramBuilder.program`: bounds for methods for fields of a special form.
 
     Raises:

@@ -56,12 +56,7 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
 
 
 def loads_method(text: str, format: str, *, source: str = "text", warn: bool = True) -> Method:
-    """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`.
-
-    Example:
-        >>> loads_method('{"A": [[0.1]], "b": [1], "c": ["1/10"]}', "json").A
-        ((Fraction(1, 10),),)
-    """
+    """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`."""
     parse = {"json": text_files.parse_json, "toml": text_files.parse_toml}[_checked_format(format)]
     with text_files.errors_from(source):
         method = _read_method(parse(text))
@@ -74,7 +69,6 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
     """Write a method to a file, from which `load_method` reads an equal one.
 
     Args:
-        method: the method.
         path: the file, which is replaced atomically.
         format: ``"json"`` or ``"toml"``; by default inferred from the suffix.
 
@@ -96,19 +90,7 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
 
 
 def dumps_method(method: Method, format: str) -> str:
-    """A method as the text of a tableau file in JSON or TOML.
-
-    Example:
-        >>> print(dumps_method(RungeKutta([["1/2"]], [1], name="implicit-midpoint"), "json"), end="")
-        {
-          "name": "implicit-midpoint",
-          "A": [
-            ["1/2"]
-          ],
-          "b": [1],
-          "c": ["1/2"]
-        }
-    """
+    """A method as the text of a tableau file in JSON or TOML."""
     if not isinstance(method, Method):
         raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
     data = method.to_dict()

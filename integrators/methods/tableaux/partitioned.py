@@ -33,8 +33,7 @@ class PartitionedRungeKutta(Method):
             order is that of the colours 0, 1, …, but p always precedes q; names start with a letter, and t and τ are
             reserved.
         parameters: the symbols allowed in formulas.
-        name: the name of the method in messages.
-        reference: the publication of the method.
+        name, reference: the name of the method in messages, and its publication.
         warn: whether to emit a `TableauWarning` for each of `issues`, except those of parts that are `RungeKutta`s.
 
     Raises:

@@ -34,14 +34,12 @@ class RungeKutta(Method):
     assumptions. Methods with equal entries, domain and digits are equal, whatever their names.
 
     Args:
-        A: the stage matrix, a square array by rows.
-        b: the weights.
+        A, b: the stage matrix, a square array by rows, and the weights.
         c: the nodes; by default the row sums of A.
         embedded: a second row of weights for error estimates, or a sequence of rows; stored as a tuple of rows.
         parameters: the symbols allowed in formulas.
-        name: the name of the method in messages.
+        name, reference: the name of the method in messages, and its publication.
         digits: the number of correct significant digits of a tableau published as decimals; None if it is exact.
-        reference: the publication of the method.
         warn: whether to emit a `TableauWarning` for each of `issues`.
 
     Raises:

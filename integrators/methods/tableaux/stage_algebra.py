@@ -107,11 +107,7 @@ class StageAlgebra(ImmutableValue):
 
     def moments(self, count: int) -> tuple[Fraction, ...]:
         """The moments Σ_i b_i c_i^k for k < `count`, by the linear recurrence of the node polynomial."""
-        found = list(self.b[:count])
-        while len(found) < count:
-            latest = found[-self.stages :]
-            found.append(-sum((p * m for p, m in zip(self.polynomial, latest, strict=False)), Fraction(0)))
-        return tuple(found)
+        return moments(self.polynomial, self.b, count)
 
     @property
     def row_sums(self) -> Polynomial:
@@ -130,8 +126,7 @@ class StageAlgebra(ImmutableValue):
 
         The condition b(f · Âg) + b(Af · g) = b(f) b(g) for all stage values f and g is checked on the basis 1, x, ….
         """
-        size, moments = self.stages, self.moments(2 * self.stages - 1)  # b(f · g) has the matrix b(x^(k+l))
-        gram = to_flint_matrix([moments[k : k + size] for k in range(size)])
+        gram = gram_matrix(self.polynomial, self.b)
         left, right = (gram * to_flint_matrix(algebra.A) for algebra in (other, self))
         products = to_flint_matrix([[x * y for y in self.b] for x in self.b])
         return self.b == other.b and left + right.transpose() == products
@@ -139,8 +134,8 @@ class StageAlgebra(ImmutableValue):
     @property
     def has_symmetric_nodes(self) -> bool:
         """Whether the nodes are symmetric about 1/2."""
-        sign = -1 if self.stages % 2 else 1
-        return polynomials.scale(_reflect(self.polynomial), sign) == self.polynomial
+        reflected = polynomials.compose(self.polynomial, polynomials.trim([1, -1]))  # P(1 − x)
+        return polynomials.scale(reflected, (-1) ** self.stages) == self.polynomial
 
     def is_symmetric(self) -> bool:
         """Whether the method is its own adjoint, given symmetric nodes.
@@ -256,9 +251,18 @@ class StageAlgebra(ImmutableValue):
         return tuple(_entry([g], point, point) for point in self._exact_nodes)
 
 
-def _reflect(p: Polynomial) -> Polynomial:
-    """The polynomial p(1 − x)."""
-    return polynomials.compose(p, polynomials.trim([1, -1]))
+def moments(polynomial: Polynomial, b: Sequence[Fraction], count: int) -> tuple[Fraction, ...]:
+    """The values b[x^k], k < `count`, of the linear form modulo a monic polynomial that has the values b on 1, x, …."""
+    found = list(b[:count])
+    while len(found) < count:
+        found.append(-sum((p * m for p, m in zip(polynomial, found[-len(b) :], strict=False)), Fraction(0)))
+    return tuple(found)
+
+
+def gram_matrix(polynomial: Polynomial, b: Sequence[Fraction]) -> Any:
+    """The matrix b[x^(k+l)] of the form b[f · g] of stage values."""
+    values = moments(polynomial, b, 2 * len(b) - 1)
+    return to_flint_matrix([values[k : k + len(b)] for k in range(len(b))])
 
 
 def _horner(coefficients: Sequence[int], point: int, places: int) -> int:

@@ -36,14 +36,7 @@ class Conditions(NamedTuple):
 
 
 def weight_conditions(A: Array) -> Iterator[Conditions]:
-    """The order conditions of a stage matrix for orders 1, 2, 3, ….
-
-    Example:
-        >>> import numpy as np
-        >>> from itertools import islice
-        >>> [len(found.values) for found in islice(weight_conditions(np.zeros((1, 1))), 8)]
-        [1, 1, 2, 4, 9, 20, 48, 115]
-    """
+    """The order conditions of a stage matrix for orders 1, 2, 3, …."""
     import numpy as np
 
     one = A[0, 0] * 0 + 1
@@ -66,11 +59,6 @@ def order_of_weights(A: Array, weights: Array, factor: int = 1) -> int:
     """The largest order ≤ `MAX_ORDER` up to which weights·Φ = factor/γ for all trees; in doubles up to rounding.
 
     With the factor 0, for the difference of two rows of weights: the k for which their results differ by O(h^(k+1)).
-
-    Example:
-        >>> import numpy as np
-        >>> order_of_weights(np.array([[0, 0], [1, 0.0]]), np.array([0.5, 0.5]))
-        2
     """
     tolerance = 0 if A.dtype == object else ROUNDING
     for k, (vectors, values) in enumerate(islice(weight_conditions(A), MAX_ORDER)):
@@ -102,12 +90,6 @@ class ContinuousExtension(NamedTuple):
 
 def continuous_extension(A: Array, b: Array, order: int) -> ContinuousExtension:
     """The extension of order p − 1 of a method of order p, whose error O(h^p) is that of the method at a fixed time.
-
-    Example:
-        >>> import numpy as np
-        >>> heun = continuous_extension(np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.5, 0]]), np.array([0.5, 0.5, 0]), 2)
-        >>> heun.order, len(heun.nodes), (heun.weights @ [1 / 2, 1 / 4, 1 / 8]).round(12).tolist()
-        (2, 0, [0.375, 0.25, -0.125])
 
     References:
         M. Zennaro, Math. Comp. 46 (1986) 119–133 (natural continuous extensions);

@@ -25,10 +25,6 @@ def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
 
     Args:
         matrix: The rows of A, exact numbers.
-
-    Example:
-        >>> linear(matrix=[["-1/2", 3], [0, 1]]).field
-        (-y1/2 + 3*y2, y2)
     """
     import sympy
 

@@ -31,10 +31,6 @@ def n_body(
         positions: A row of 2 or 3 numbers for each body.
         velocities: A row of the same length for each body.
         effects: ``softening`` replaces the distance r by sqrt(r² + epsilon²), with the parameter epsilon = 1/10.
-
-    Example:
-        >>> n_body(masses=[2, 1], positions=[[0, 0], [1, 0]], velocities=[[0, 0], [0, "1/2"]]).hamiltonian
-        px1**2/4 + px2**2/2 + py1**2/4 + py2**2/2 - 2/sqrt((qx1 - qx2)**2 + (qy1 - qy2)**2)
     """
     return gravity(masses, positions, velocities, softened="softening" in effects)
 
@@ -95,10 +91,6 @@ def outer_solar_system(*, effects: Collection[str] = tuple(OUTER_SOLAR_SYSTEM_EF
 
     Args:
         effects: The planets; all of them by default.
-
-    Example:
-        >>> outer_solar_system(effects=["jupiter"]).parameters["m"]
-        (50000298841/50000000000, 954786104043/1000000000000000)
     """
     names = bodies(effects)
     chosen = [BODIES[name] for name in names]
@@ -136,10 +128,6 @@ def kepler(*, eccentricity: Any = "3/5") -> Scene:
 
     Args:
         eccentricity: The eccentricity of the ellipse, at least 0 and less than 1.
-
-    Example:
-        >>> kepler(eccentricity="1/2").start
-        (0, sqrt(3), 1/2, 0)
     """
     runge_lenz = {
         "runge_lenz_1": f"p2*{ANGULAR_MOMENTUM} - mu*q1/{DISTANCE}",

@@ -64,10 +64,6 @@ def henon_heiles(*, energy: Any = "1/12") -> Scene:
 
     Args:
         energy: The value of H at the start; below 1/6 orbits are bounded.
-
-    Example:
-        >>> henon_heiles(energy="1/8").start
-        (19*sqrt(15)/150, 0, 0, 1/10)
     """
     import sympy
 
@@ -86,10 +82,6 @@ def central_field(*, potential: Any = "-1/r") -> Scene:
 
     Args:
         potential: V, a formula in r.
-
-    Example:
-        >>> central_field(potential="r^2/2").field
-        (p_phi**2/r**3 - r, 0, p_r, p_phi/r**2)
     """
     return Scene(
         {"p": ["p_r", "p_phi"], "q": ["r", "phi"]},
@@ -156,10 +148,6 @@ def charged_particle(
     Args:
         magnetic: The components of B, three formulas in x, y, z with divergence 0.
         potential: U, a formula in x, y, z.
-
-    Example:
-        >>> charged_particle(magnetic=[0, 0, "1 + x^2"], potential="x^2/2").field
-        (vy*x**2 + vy - x, -vx*x**2 - vx, 0, vx, vy, vz)
     """
     return Scene(
         {"v": ["vx", "vy", "vz"], "x": list(PLACE)},

@@ -22,12 +22,7 @@ LARGEST = 10**100
 
 
 def read_count(value: Any, argument: str, least: int, most: int) -> int:
-    """A whole number within limits, given as a number or as text.
-
-    Example:
-        >>> read_count("9", "particles", 2, 1000)
-        9
-    """
+    """A whole number within limits, given as a number or as text."""
     number = read_formula(value, (), argument)
     if not (number.is_Integer and least <= number <= most):
         raise IntegratorError(f"{argument} must be an integer from {least} to {most}, but was {shorten(str(value))}")
@@ -35,12 +30,7 @@ def read_count(value: Any, argument: str, least: int, most: int) -> int:
 
 
 def read_positive(value: Any, argument: str, *, or_zero: bool = False) -> sympy.Expr:
-    """An exact positive number, or zero where allowed, whose squares and products are in the range of doubles.
-
-    Example:
-        >>> read_positive(0.1, "sigma")
-        1/10
-    """
+    """An exact positive number, or zero where allowed, whose squares and products are in the range of doubles."""
     number = read_formula(value, (), argument)
     if not (1 <= number * LARGEST <= LARGEST**2 or (or_zero and number == 0)):
         raise IntegratorError(
@@ -65,22 +55,12 @@ FLAT_SITES = 100
 
 
 def squared_norm(block: str, dimension: int) -> str:
-    """The squared norm of a block's vector at one particle.
-
-    Example:
-        >>> squared_norm("p", 2)
-        'px_i^2 + py_i^2'
-    """
+    """The squared norm of a block's vector at one particle."""
     return " + ".join(f"{block}{axis}_i^2" for axis in AXES[:dimension])
 
 
 def squared_distance(dimension: int) -> str:
-    """The squared distance of two particles.
-
-    Example:
-        >>> squared_distance(2)
-        '(qx_i - qx_j)^2 + (qy_i - qy_j)^2'
-    """
+    """The squared distance of two particles."""
     return " + ".join(f"(q{axis}_i - q{axis}_j)^2" for axis in AXES[:dimension])
 
 
@@ -93,10 +73,6 @@ def symmetry_integrals(sites: int, dimension: int) -> dict[str, sympy.Expr]:
     """Total momentum Σ p and angular momentum Σ q × p (one number in the plane, three in space).
 
     They are left out beyond `FLAT_SITES` particles.
-
-    Example:
-        >>> symmetry_integrals(2, 2)["momentum_y"], symmetry_integrals(1, 2)["angular_momentum"]
-        (py1 + py2, -px1*qy1 + py1*qx1)
     """
     import sympy
 
@@ -125,10 +101,6 @@ def toda(*, n: Any = 3) -> Scene:
 
     Args:
         n: The number of particles.
-
-    Example:
-        >>> toda(n=2).hamiltonian
-        p1**2/2 + p2**2/2 + exp(-q1 + q2) + exp(q1 - q2)
     """
     n = read_count(n, "n", 2, MAX_VARIABLES)
     wave = {"p": [round(cos(2 * pi * k / n), 12) for k in range(1, n + 1)], "q": [0] * n}
@@ -166,10 +138,6 @@ def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
     Args:
         m: The number of stiff springs.
         omega: Their frequency ω.
-
-    Example:
-        >>> fermi_pasta_ulam(m=1).start
-        (1, 1, 1, 1/50)
     """
     m, omega = read_count(m, "m", 1, MAX_VARIABLES // 2), read_positive(omega, "omega")
     rest = [[0, 0]] * (m - 1)
@@ -204,13 +172,6 @@ def lennard_jones(
         seed: The seed of NumPy's random generator.
         sigma: The length σ of the potential, which scales the cluster too; its depth ε = 1 is a parameter.
         m: The mass of an atom, which scales the momenta too.
-
-    Example:
-        >>> dimer = lennard_jones(particles=2, dimension=1, temperature=0)
-        >>> dimer.hamiltonian
-        px1**2/2 + px2**2/2 - 4/(qx1 - qx2)**6 + 4/(qx1 - qx2)**12
-        >>> dimer.y0
-        array([ 0. , 0. , -0.56123102, 0.56123102])
     """
     dimension = read_count(dimension, "dimension", 1, len(AXES))
     particles = read_count(particles, "particles", 2, MAX_VARIABLES // dimension)

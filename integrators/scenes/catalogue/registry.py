@@ -28,12 +28,10 @@ class SceneEntry(NamedTuple):
     A sequence of entries is what another distribution names as an entry point ``bseries.scenes``.
 
     Attributes:
-        name: Its name.
+        name, aliases: Its name, and other names.
         builder: Builds the scene without labels, all effects off; keyword arguments are options that change its shape
             or its start, such as the number of particles.
-        summary: One line about the scene.
-        reference: The source.
-        aliases: Other names of the scene.
+        summary, reference: One line about the scene, and its source.
         built_in_effects: Effects that are more than additions to the base system, with their summaries: `builder`
             receives their names as `effects`.
         bodies: Names of the particles, in their order, for given effects, where these change the number of particles.

@@ -131,14 +131,7 @@ def component_places(component: str, blocks: Iterable[Block]) -> slice | None:
 
 
 def canonical_blocks(blocks: Sequence[Block]) -> tuple[Block, Block] | None:
-    """Momenta and positions of equal size, in any order: the blocks p and q, or the only pair of other such names.
-
-    Example:
-        >>> [block.name for block in canonical_blocks(read_blocks({"x": 1, "v": 1}))]
-        ['v', 'x']
-        >>> canonical_blocks(read_blocks({"x": 1, "y": 1})) is None
-        True
-    """
+    """Momenta and positions of equal size, in any order: the blocks p and q, or the only pair of other such names."""
     by_name = {block.name: block for block in blocks}
     names = canonical_names(by_name)
     if names is None:

@@ -56,12 +56,7 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
 
 
 def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]:
-    """Exact numbers, each read by `read_formula`.
-
-    Example:
-        >>> read_numbers([1, 0.5, "sqrt(2)"], "start")
-        (1, 1/2, sqrt(2))
-    """
+    """Exact numbers, each read by `read_formula`."""
     read: dict[Any, sympy.Expr] = {}  # large scenes repeat the same numbers
 
     def number(k: int, value: Any) -> sympy.Expr:
@@ -75,22 +70,12 @@ def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]
 
 
 def words(text: str) -> dict[str, None]:
-    """The names of symbols and functions in a text, in their order.
-
-    Example:
-        >>> list(words("2e5*q1 + sin(p) + q1"))
-        ['q1', 'sin', 'p']
-    """
+    """The names of symbols and functions in a text, in their order."""
     return dict.fromkeys(_WORD.findall(text))
 
 
 def formula_text(formula: sympy.Expr) -> str:
-    """The text of a formula, in the syntax of `read_formula`.
-
-    Example:
-        >>> formula_text(read_formula("p^2/2 - exp(1)*cos(q)", ["p", "q"], "H"))
-        'p**2/2 - exp(1)*cos(q)'
-    """
+    """The text of a formula, in the syntax of `read_formula`."""
     return _printer().doprint(formula)
 
 

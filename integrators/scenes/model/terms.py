@@ -159,11 +159,8 @@ class Effect(ImmutableValue):
     An effect that is off does not appear in formulas or code.
 
     Args:
-        hamiltonian: A formula to add to the Hamiltonian.
-        field: Maps variables to formulas to add to their derivatives.
-        terms: Terms over sites.
-        variables: Its own blocks of variables, as for `Scene`.
-        parameters: Its parameters and their values. No other effect may have parameters or variables of these names.
+        hamiltonian, field, terms: What it adds, as for `Scene`.
+        variables, parameters: Its own, as for `Scene`; no other effect may have any of these names.
         start: Start values of its own variables, or of the time.
         breaks: The names of the first integrals of the base system that it destroys.
         summary: One line about the effect.

@@ -55,12 +55,6 @@ def degrees(scene: System, pieces: Sequence[Piece]) -> list[list[int | None]]:
     """The degree of each piece of the field in the variables of every piece, and in all of these together.
 
     A degree is None if the piece is not a polynomial; the format is that of `max_children` of a table of trees.
-
-    Example:
-        >>> from integrators import scene
-        >>> blocks = [Piece(frozenset("p")), Piece(frozenset("q"))]
-        >>> degrees(scene("pendulum"), blocks)
-        [[0, None, None], [1, 0, 1]]
     """
     where = supports(scene, pieces)
     rows: list[list[int | None]] = []

@@ -273,23 +273,6 @@ def test_rational_programs_are_near_the_tableau(decimals):
     assert rational.rational_program(decimals) is rational.program
 
 
-matrices = st.integers(1, 4).flatmap(
-    lambda n: st.lists(st.lists(st.fractions(max_denominator=20), min_size=n, max_size=n), min_size=n, max_size=n)
-)
-
-
-@given(matrices)
-def test_linear_systems(matrix):
-    right = [[Fraction(i), Fraction(1)] for i in range(len(matrix))]
-    if sympy.Matrix(matrix).det() == 0:
-        with pytest.raises(IntegratorError, match="must be invertible"):
-            poly.solve(matrix, right)
-        return
-    solution = poly.solve(matrix, right)
-    for row, expected in zip(matrix, right, strict=True):
-        assert [sum(a * x[k] for a, x in zip(row, solution, strict=True)) for k in range(2)] == expected
-
-
 @pytest.mark.parametrize(("name", "expected"), [("gauss9", True), ("lobatto-iiia9", True), ("radau-ia9", False)])
 def test_symmetry_is_decided_without_roots(name, expected, monkeypatch):
     monkeypatch.setattr(StageAlgebra, "tableau_exact", None)

@@ -11,6 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from foundation import memory
 from integrators import IntegratorError, scene
 from integrators.core import stored_arrays
 from integrators.runs.integration import integrate
@@ -211,16 +212,16 @@ def test_archives_of_other_kinds_are_refused(tmp_path, run):
             load_trajectory(tmp_path / name)
 
 
-def test_what_is_compressed_takes_little_memory(tmp_path, monkeypatch):
-    """Beyond a number of bytes in all, arrays go through the disk, and text is refused."""
-    monkeypatch.setattr(stored_arrays, "LARGE", 10_000)
-    series = {f"observed/{k}": np.zeros(1000) for k in range(5)}
-    arrays = {"t": np.arange(1000.0), "y": np.zeros((1, 1000)), "h": 1.0, "variables": ["a"], **series}
+def test_what_is_compressed_must_fit_into_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "SMALL", 0)
+    monkeypatch.setattr(memory, "available_memory", lambda: 10_000)
+    arrays = {"t": np.arange(1000.0), "y": np.zeros((2, 1000)), "h": 1.0, "variables": ["a", "b"]}
     np.savez_compressed(tmp_path / "run.npz", **arrays)
-    read = load_trajectory(tmp_path / "run.npz")
-    mapped = [isinstance(array, np.memmap) for array in (read.t, read.y, *read.observed.values())]
-    assert mapped.count(False) == 1
-    assert not any(np.any(array) for array in read.observed.values())
+    with pytest.raises(IntegratorError, match=r"what is compressed would take 0\.0 GB of memory, but"):
+        load_trajectory(tmp_path / "run.npz")
+    monkeypatch.setattr(memory, "available_memory", lambda: 40_000)
+    np.testing.assert_array_equal(load_trajectory(tmp_path / "run.npz").y, arrays["y"])
+    monkeypatch.setattr(stored_arrays, "LARGE", 10_000)
     np.savez_compressed(tmp_path / "text.npz", **arrays, meta="[" + "[]," * 10_000 + "[]]")
     with pytest.raises(IntegratorError, match="meta must be shorter text, but would take"):
         load_trajectory(tmp_path / "text.npz")
