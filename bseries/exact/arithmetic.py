@@ -339,25 +339,15 @@ def factorial_weights(
     return arithmetic.factors(weights)
 
 
-@lru_cache(maxsize=1)
-def _prime_pool() -> list[int]:
-    """The primes in the last 2^18 numbers below 2^30, largest first."""
-    import numpy as np
-
-    start, stop = 2**PRIME_BITS - 2**18, 2**PRIME_BITS
-    composite = np.zeros(stop - start, bool)
-    for divisor in range(2, math.isqrt(stop) + 1):
-        composite[-start % divisor :: divisor] = True
-    return (start + np.flatnonzero(~composite))[::-1].tolist()
-
-
 def primes_beyond(bits: float, avoid: int) -> list[int]:
     """Primes, none of which divides `avoid`, whose product exceeds 2^bits."""
+    from flint import fmpz
+
     chosen, product_bits = [], 0.0
-    for prime in _prime_pool():
+    for number in range(2**PRIME_BITS - 1, 2**PRIME_BITS - 2**18, -2):
         if product_bits > bits:
             return chosen
-        if avoid % prime:
-            chosen.append(prime)
-            product_bits += math.log2(prime) - 1e-9
+        if fmpz(number).is_prime() and avoid % number:
+            chosen.append(number)
+            product_bits += math.log2(number) - 1e-9
     raise SeriesError(f"method must have coefficients of fewer digits: exact results would take {bits:.0f} bits each")
