@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
@@ -163,10 +163,6 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         """The coefficient of a tree, or `default` for trees beyond the series."""
         return self[tree] if tree in self or str(tree).strip() == EMPTY else default
 
-    def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """All coefficients in the order of the table; the same as `coefficients`."""
-        return self.coefficients()
-
     def __iter__(self) -> Iterator[Tree]:
         return iter(self.table)
 
@@ -180,6 +176,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     def coefficients(self) -> list[Any]:
         """All coefficients in the order of the table."""
         return self.stored.coefficients()
+
+    values = coefficients  # pyright: ignore[reportAssignmentType]
 
     def is_zero(self, tree: Tree | str) -> bool:
         """Whether a coefficient is zero, for decimals within their uncertainty."""
@@ -249,14 +247,18 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         if not isinstance(other, BSeries):
             return NotImplemented
         self.check_same_trees(other)
-        values = map(function, self.coefficients(), other.coefficients())
-        return self._with_values(values, function(self.empty, other.empty), fewest_digits(self, other))
+        return self._with_numbers(map(function, self._numbers(), other._numbers()), fewest_digits(self, other))
 
     def _map(self, function: Callable[[Any], Any]) -> BSeries:
-        return self._with_values(map(function, self.coefficients()), function(self.empty), self.digits)
+        return self._with_numbers(map(function, self._numbers()), self.digits)
 
-    def _with_values(self, values: Iterable[Any], empty: Any, digits: int | None) -> BSeries:
+    def _numbers(self) -> list[Any]:
+        """All coefficients, that of the empty tree first."""
+        return [self.empty, *self.coefficients()]
+
+    def _with_numbers(self, numbers: Iterable[Any], digits: int | None) -> BSeries:
         try:
+            empty, *values = numbers
             stored = make_values(self.table, values)
         except OverflowError:
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
@@ -318,7 +320,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         number: Any = exact_number(factor, "factor")
         power = cache(lambda n: number**n)
         pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
-        return self._with_values((x * power(int(n)) for x, n in pairs), self.empty, self.digits)
+        return self._with_numbers(chain([self.empty], (x * power(int(n)) for x, n in pairs)), self.digits)
 
     def log(self) -> BSeries:
         """The modified equation: the field whose exact flow is this series.
@@ -518,7 +520,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return presentation.to_latex(self.terms(nonzero=True), self.empty, self._shown_names)
 
     def _repr_latex_(self) -> str | None:
-        terms = [term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero]
+        terms = (term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero)
         dots = " + \\cdots" if len(self) > MOST_ROWS else ""
         return short_latex(presentation.to_latex(terms, self.empty, self._shown_names) + dots)
 

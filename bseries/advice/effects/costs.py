@@ -211,11 +211,7 @@ class EffectCosts(Sequence[CostRow]):
         return Table(
             f"Cost of effects of {self.scene}, {self.method}",
             [Column(heading, heading != "effects") for heading in _HEADINGS],
-            [
-                (str(len(row.effects)), ", ".join(row.effects), *_nanoseconds(row.step), *_nanoseconds(row.field))
-                + tuple("" if count is None else f"{count:,}" for count in (row.trees, row.all_trees))
-                for row in self.rows
-            ],
+            list(map(_cells, self.rows)),
             notes,
             data=self.to_dict,
             items="rows",
@@ -251,9 +247,12 @@ class EffectCosts(Sequence[CostRow]):
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
-def _nanoseconds(time: Timing) -> tuple[str, str]:
-    """A time, and half the distance of its quartiles."""
-    return f"{time.seconds * NANO:,.1f} ns", f"{(time.high - time.low) / 2 * NANO:.1f}"
+def _cells(row: CostRow) -> list[str]:
+    """A row of the table: after each time half the distance of its quartiles."""
+    cells = [str(len(row.effects)), ", ".join(row.effects)]
+    for time in (row.step, row.field):
+        cells += [f"{time.seconds * NANO:,.1f} ns", f"{(time.high - time.low) / 2 * NANO:.1f}"]
+    return cells + ["" if count is None else f"{count:,}" for count in (row.trees, row.all_trees)]
 
 
 _HEADINGS = ("on", "effects", "step", "±", "field", "±", "trees", "of")
