@@ -55,12 +55,8 @@ class Exact:
         """Length of a row for this many entries."""
         return max(entries, 1)
 
-    def size(self, number: int) -> Any:
-        """A length."""
-        return number
-
-    def sizes(self, numbers: Sequence[int]) -> Any:
-        """Several lengths."""
+    def lengths(self, numbers: int | Sequence[int]) -> Any:
+        """A length, or several."""
         return numbers
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
@@ -118,19 +114,13 @@ class Compiled(Exact):
 
     def width(self, entries: int) -> Any:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
-        return self.size(max(entries + 3, 4) // 4 * 4)
+        return self.lengths(max(entries + 3, 4) // 4 * 4)
 
-    def size(self, number: int) -> Any:
-        """A length, unsigned."""
+    def lengths(self, numbers: int | Sequence[int]) -> Any:
+        """A length, or several, unsigned."""
         import numpy as np
 
-        return np.uint64(number)
-
-    def sizes(self, numbers: Sequence[int]) -> Any:
-        """Several lengths, unsigned."""
-        import numpy as np
-
-        return np.array(numbers, np.uint64)
+        return np.asarray(numbers, np.uint64)[()]
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays."""
