@@ -49,8 +49,7 @@ def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
 def norms(y: np.ndarray) -> np.ndarray:
     """The Euclidean norms of states (variables, n), without overflow or underflow."""
     scales = np.abs(y).max(axis=0)
-    scales[scales == 0] = 1.0
-    return np.linalg.norm(y / scales, axis=0) * scales
+    return np.linalg.norm(y / np.where(scales == 0, 1.0, scales), axis=0) * scales
 
 
 def largest_size(y: np.ndarray) -> float:

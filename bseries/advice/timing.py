@@ -98,12 +98,6 @@ def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str,
 
     Other load on the machine then affects one round and not one kind. After `LEAST_ROUNDS`, only kinds with a wide
     spread have further rounds. All samples begin at the same start.
-
-    Example:
-        >>> import bseries as bs
-        >>> found = step_costs({"leapfrog": Work(bs.scene("pendulum"), "stormer-verlet", 0.1)})
-        >>> 0 < found["leapfrog"].seconds < 1e-3
-        True
     """
     runs = {name: _Run(entry, sample) for name, entry in work.items()}
     samples: dict[str, list[float]] = {name: [] for name in work}

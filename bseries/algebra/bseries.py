@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
+from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from itertools import islice
+from functools import cache
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
@@ -75,12 +76,12 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         uncertainty: Callable[[int], float] | None = None,
     ):
         empty = exact_number(empty)
-        named = bool(names) and table.colors > 1
-        names = check_names(names) if named else default_names(table.colors)
+        names = check_names(names) if names and table.colors > 1 else default_names(table.colors)
         if len(names) != table.colors:
             raise SeriesError(f"names must be {table.colors} names, one for each colour, but were {len(names)}")
-        self.__dict__.update(table=table, stored=values, empty=empty, label=label, kind=kind or _kind(empty))
-        self.__dict__.update(names=names, digits=digits, uncertainty=uncertainty)
+        kind = kind or ("field" if empty == 0 else "series")
+        self.__dict__.update(table=table, stored=values, empty=empty, names=names, label=label, kind=kind)
+        self.__dict__.update(digits=digits, uncertainty=uncertainty)
 
     def __copy__(self) -> BSeries:
         return self
@@ -162,10 +163,6 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         """The coefficient of a tree, or `default` for trees beyond the series."""
         return self[tree] if tree in self or str(tree).strip() == EMPTY else default
 
-    def values(self) -> list[Any]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """All coefficients in the order of the table; the same as `coefficients`."""
-        return self.coefficients()
-
     def __iter__(self) -> Iterator[Tree]:
         return iter(self.table)
 
@@ -179,6 +176,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     def coefficients(self) -> list[Any]:
         """All coefficients in the order of the table."""
         return self.stored.coefficients()
+
+    values = coefficients  # pyright: ignore[reportAssignmentType]
 
     def is_zero(self, tree: Tree | str) -> bool:
         """Whether a coefficient is zero, for decimals within their uncertainty."""
@@ -218,8 +217,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
     def with_empty(self, empty: object) -> BSeries:
         """The same series with another coefficient of the empty tree."""
-        number = exact_number(empty)
-        return self._replace(empty=number, label="", kind=_kind(number), uncertainty=None)
+        return BSeries(self.table, self.stored, exact_number(empty), names=self.names, digits=self.digits)
 
     def with_label(self, label: str, kind: str | None = None) -> BSeries:
         """The same series under another name, and as another kind of those in `presentation.KINDS` if one is given."""
@@ -249,16 +247,22 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         if not isinstance(other, BSeries):
             return NotImplemented
         self.check_same_trees(other)
-        values = make_values(self.table, map(function, self.coefficients(), other.coefficients()))
-        empty = function(self.empty, other.empty)
-        return BSeries(self.table, values, empty, names=self.names, digits=fewest_digits(self, other))
+        return self._with_numbers(map(function, self._numbers(), other._numbers()), fewest_digits(self, other))
 
     def _map(self, function: Callable[[Any], Any]) -> BSeries:
+        return self._with_numbers(map(function, self._numbers()), self.digits)
+
+    def _numbers(self) -> list[Any]:
+        """All coefficients, that of the empty tree first."""
+        return [self.empty, *self.coefficients()]
+
+    def _with_numbers(self, numbers: Iterable[Any], digits: int | None) -> BSeries:
         try:
-            values, empty = make_values(self.table, map(function, self.coefficients())), function(self.empty)
+            empty, *values = numbers
+            stored = make_values(self.table, values)
         except OverflowError:
             raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
-        return BSeries(self.table, values, empty, names=self.names, digits=self.digits)
+        return BSeries(self.table, stored, empty, names=self.names, digits=digits)
 
     __array_ufunc__ = None  # a NumPy number times a series is a series
 
@@ -314,13 +318,9 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             True
         """
         number: Any = exact_number(factor, "factor")
-        try:
-            powers = [number**n for n in range(self.order + 1)]
-            pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
-            values = make_values(self.table, (x * powers[int(n)] for x, n in pairs))
-        except OverflowError:
-            raise SeriesError("coefficients must stay within the range of floats, but some overflowed") from None
-        return BSeries(self.table, values, self.empty, names=self.names, digits=self.digits)
+        power = cache(lambda n: number**n)
+        pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
+        return self._with_numbers(chain([self.empty], (x * power(int(n)) for x, n in pairs)), self.digits)
 
     def log(self) -> BSeries:
         """The modified equation: the field whose exact flow is this series.
@@ -520,7 +520,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         return presentation.to_latex(self.terms(nonzero=True), self.empty, self._shown_names)
 
     def _repr_latex_(self) -> str | None:
-        terms = [term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero]
+        terms = (term for term in islice(self.terms(), MOST_ROWS) if not term.is_zero)
         dots = " + \\cdots" if len(self) > MOST_ROWS else ""
         return short_latex(presentation.to_latex(terms, self.empty, self._shown_names) + dots)
 
@@ -566,18 +566,22 @@ class _Items(ItemsView[Tree, Any]):
 
 def check_flow(a: BSeries, name: str = "series") -> None:
     """Raise a SeriesError unless the argument is a flow."""
-    if not isinstance(a, BSeries):
-        raise SeriesError(f"{name} must be a BSeries, but was {a!r:.60}")
-    if a.empty != 1:
-        raise SeriesError(f"{name} must be a flow, with the coefficient 1 of the empty tree, but has {a.empty} there")
+    check_series(a, name, "flow", 1)
 
 
 def check_field(b: BSeries, name: str = "series") -> None:
     """Raise a SeriesError unless the argument is a field."""
-    if not isinstance(b, BSeries):
-        raise SeriesError(f"{name} must be a BSeries, but was {b!r:.60}")
-    if b.empty != 0:
-        raise SeriesError(f"{name} must be a field, with the coefficient 0 of the empty tree, but has {b.empty} there")
+    check_series(b, name, "field", 0)
+
+
+def check_series(s: object, name: str, kind: str = "", empty: int | None = None) -> None:
+    """Raise a SeriesError unless the argument is a series, of a kind with this coefficient of the empty tree."""
+    if not isinstance(s, BSeries):
+        raise SeriesError(f"{name} must be a BSeries, but was {s!r:.60}")
+    if empty is not None and s.empty != empty:
+        raise SeriesError(
+            f"{name} must be a {kind}, with the coefficient {empty} of the empty tree, but has {s.empty} there"
+        )
 
 
 def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
@@ -592,8 +596,3 @@ def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
 def fewest_digits(*operands: BSeries) -> int | None:
     """Digits of a result of these series; None if all are exact."""
     return min((operand.digits for operand in operands if operand.digits is not None), default=None)
-
-
-def _kind(empty: Any) -> str:
-    """What a series is by its coefficient of the empty tree."""
-    return "field" if empty == 0 else "series"

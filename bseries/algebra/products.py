@@ -18,7 +18,7 @@ from functools import partial
 from typing import Any
 
 from bseries.algebra import stages as inputs
-from bseries.algebra.bseries import BSeries, check_field, check_flow, fewest_digits, result_of
+from bseries.algebra.bseries import BSeries, check_field, check_flow, check_series, fewest_digits, result_of
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.exact import recursions
@@ -59,8 +59,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
         HLW, theorem III.1.10 (there by ordered subtrees).
     """
     check_flow(a, "a")
-    if not isinstance(c, BSeries):
-        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    check_series(c, "c")
     if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
         return a * c.empty + compose(a, c.with_empty(0))
 
@@ -99,8 +98,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
         HLW, lemma IX.9.1.
     """
     check_field(b, "b")
-    if not isinstance(c, BSeries):
-        raise SeriesError(f"c must be a BSeries, but was {c!r:.60}")
+    check_series(c, "c")
     if c.empty not in (0, 1):
         return b * c.empty + lie_derivative(b, c.with_empty(0))
 

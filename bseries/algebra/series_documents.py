@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from decimal import Decimal
 from fractions import Fraction
 from math import isfinite
+from sys import float_info
 from typing import IO, Any
 
 from bseries.algebra.bseries import BSeries
@@ -93,7 +95,10 @@ def _read(data: Mapping[str, Any]) -> BSeries:
             raise SeriesError(f"terms must have each tree once, but had {tree} twice")
         known.add(at)
         values[at] = _number(term.get("coefficient" if digits is None else "exact"), domain, f"coefficient of {tree}")
-        errors[at] = _error(term.get("error", 0), tree)
+        error = term.get("error", 0)
+        if not isinstance(error, int | Decimal) or not 0 <= error <= float_info.max:
+            raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(error)}")
+        errors[at] = float(error)
     stored = make_values(table, values)
     if (stored.name in ("QQ", "RR") or domain in ("QQ", "RR")) and stored.name != domain:
         raise SeriesError(f"domain must be that of the coefficients, {stored.name}, but was {shorten(domain)!r}")
@@ -121,14 +126,3 @@ def _number(text: Any, domain: str | None, argument: str) -> Any:
             return parse_expression(text, names=sorted(names), argument=argument)
     place = "" if domain is None else f" in {shorten(domain)}"
     raise SeriesError(f"{argument} must be the text of a number{place}, but was {shown(text)}")
-
-
-def _error(value: Any, tree: Tree) -> float:
-    """An uncertainty."""
-    try:
-        error = float(value)
-    except (TypeError, ValueError, OverflowError):
-        error = -1.0
-    if not 0 <= error < float("inf"):
-        raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(value)}")
-    return error

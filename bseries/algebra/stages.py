@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from bseries.exact import domains
 from bseries.exact.arithmetic import MOST_STAGES, Exact, Wrapped, wrapped_stages
@@ -30,16 +30,13 @@ from bseries.exact.domains import Values, alike, converted, narrowest, ring_elem
 from bseries.exact.rationals import primorial, smallest_step, twos
 from bseries.exact.recursions import Stages, elementary_weights, lie_series
 from bseries.exceptions import SeriesError
-from integrators import PartitionedRungeKutta, RungeKutta
+from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
 from trees.counting import check_order
 from trees.table import TreeTable
-
-if TYPE_CHECKING:
-    from integrators import StageAlgebra
 
 
 class MethodStages:

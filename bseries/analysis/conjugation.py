@@ -17,22 +17,19 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.products import compose, lie_derivative
 from bseries.analysis.order import Verdict, field_elements, flows_of
-from bseries.analysis.structure import Structure, closure, failing, has_blocks
+from bseries.analysis.structure import Coloring, Structure, closure, failing, has_blocks
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from foundation.table import as_html
+from integrators.methods.programs.program import Method
 from trees.free_trees import grafting, rootings
-
-if TYPE_CHECKING:
-    from bseries.analysis.structure import Coloring
-    from integrators.methods.programs.program import Method
-    from trees.table import TreeTable
-    from trees.tree import Tree
+from trees.table import TreeTable
+from trees.tree import Tree
 
 Key = TypeVar("Key", bound=Hashable)
 Number = Callable[[Fraction], Any]

@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import lru_cache, partial, reduce
 from itertools import chain, islice
 from operator import add, itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
@@ -29,13 +29,10 @@ from foundation.table import Column, Table, as_frame, as_html, as_text, fact_tab
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
-from integrators.methods.programs.program import RepeatedProgram, as_decimals
+from integrators.methods.programs.program import Method, RepeatedProgram, as_decimals
 from trees.counting import check_order, count_trees
-
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from trees.table import TreeTable
-    from trees.tree import Tree
+from trees.table import TreeTable
+from trees.tree import Tree
 
 MOST_STRUCTURE_TREES = 1300
 """Structure is tested on tables up to this size."""

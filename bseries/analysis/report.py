@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, modified_equation, series, table_of
 from bseries.algebra.stages import auxiliary_colors, check_method
-from bseries.analysis.conjugation import CONJUGATE_STRUCTURES
+from bseries.analysis.conjugation import CONJUGATE_STRUCTURES, ConjugateVerdict
 from bseries.analysis.order import (
     MOST_STRUCTURE_TREES,
     MOST_TREES,
+    ErrorCoefficients,
     Verdict,
     affordable_order,
     decide_order,
@@ -33,13 +34,8 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import format_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from trees.counting import check_order, count_trees
-
-if TYPE_CHECKING:
-    from bseries.analysis.conjugation import ConjugateVerdict
-    from bseries.analysis.order import ErrorCoefficients
-    from integrators.methods.programs.program import Method
-
 
 MOST_STAGES = 30
 """Methods with more stages would take many seconds."""

@@ -15,16 +15,13 @@ import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bseries.analysis.stability.field_elements import dot, stage_matrix
 from bseries.exceptions import SeriesError
+from integrators import RungeKutta
 from integrators.exact.polynomials import power, to_flint_matrix
-
-if TYPE_CHECKING:
-    from integrators import RungeKutta
-    from trees.tree import Tree
-
+from trees.tree import Tree
 
 ONE_OF_THEM = r"([A-Za-z])(?:([0-9]{1,3})|\(([0-9]{1,3})\))"
 TEXT = re.compile(rf"{ONE_OF_THEM}(?:[\s,]+{ONE_OF_THEM})*")

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from bseries.algebra.bseries import BSeries, check_field
 from bseries.algebra.stages import auxiliary_colors
@@ -32,16 +32,14 @@ from bseries.exceptions import SeriesError
 from integrators.core.arguments import canonical_names
 from integrators.exact.polynomials import to_flint
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from trees.counting import normal_limits
 from trees.free_trees import grafting, is_separable, rootings
-from trees.table import tree_table
+from trees.table import TreeTable, tree_table
 
-if TYPE_CHECKING:
-    from integrators.methods.programs.program import Method
-    from trees.table import TreeTable
+Coloring: TypeAlias = Literal["blocks", "parts"] | None
+Row: TypeAlias = tuple[dict[int, int], int, int]
 
-    Coloring = Literal["blocks", "parts"] | None
-    Row = tuple[dict[int, int], int, int]
 
 NO_PRODUCT = -1
 SEPARABLE = ((0, None), (None, 0))

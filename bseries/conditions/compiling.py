@@ -144,7 +144,7 @@ class CompiledConditions:
 
     def __init__(self, program: ConditionProgram, stages: int):
         self.stages = stages
-        self._program, self._arguments = program, program.arguments
+        self._program = program
         entries = named_blocks(program, stages, lambda block, at: Unknown(block.argument.name, (*block.stack, *at)))
         *self._starts, self._size = map(int, np.cumsum([0, *(block.size for block in entries)]))
         self._blocks = [(slice(at, at + x.size), x.shape) for at, x in zip(self._starts, entries, strict=True)]
@@ -175,7 +175,7 @@ class CompiledConditions:
             raise SeriesError(f"unknowns must be {len(self.unknowns)} numbers, but had the shape {given.shape}")
         flat = np.zeros(self._size)
         flat[self._columns] = given
-        shapes = [argument.shape(self.stages) for argument in self._arguments]
+        shapes = [argument.shape(self.stages) for argument in self._program.arguments]
         parts = np.split(flat, np.cumsum([math.prod(shape) for shape in shapes])[:-1])
         return tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
 
@@ -217,8 +217,7 @@ class CompiledConditions:
     def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, followed by the stage matrices, and the values of operations."""
         flat = self._read(arrays)
-        if len(self._excluded):
-            flat[self._excluded] = 0.0
+        flat[self._excluded] = 0.0
         blocks = [flat[places].reshape(shape) for places, shape in self._blocks]
         matrices = stage_matrices(self._program, blocks)
         coefficients = np.concatenate([flat, *map(np.ravel, matrices)])
@@ -245,12 +244,8 @@ class CompiledConditions:
 
     def _operations(self, count: int) -> Tables:
         """Kinds of the first operations, and offsets of their operands."""
-        rows = []
+        s, rows = self.stages, []
         for kind, x, y in self._program.operations[:count]:
-            left = x * self.stages
-            if kind in (IMAGE, PULLBACK):
-                left = self._size + x * self.stages**2
-            elif kind == VECTOR:
-                left = self._starts[x]
-            rows.append((kind, left, y * self.stages))
+            left = self._size + x * s**2 if kind in (IMAGE, PULLBACK) else self._starts[x] if kind == VECTOR else x * s
+            rows.append((kind, left, y * s))
         return tuple(np.ascontiguousarray(np.array(rows, np.uint64).T))

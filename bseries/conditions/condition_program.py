@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 ONE, VECTOR, PRODUCT, IMAGE, PULLBACK = range(5)
@@ -107,8 +108,8 @@ class ConditionProgram:
     Attributes:
         arguments: The arrays of coefficients.
         operators: The stage matrices.
-        structures: The structure of each argument that is a matrix.
         blocks: The matrices and vectors of all arguments.
+        bands: For each block its band, as in `BANDS`; None where all entries may be nonzero.
         operations: Kind and operands of every operation.
         factors: The factors of every stage vector, as ids of operations.
         size: The number of operations for the left-hand sides; later operations serve the derivatives.
@@ -117,19 +118,20 @@ class ConditionProgram:
     def __init__(
         self, arguments: Sequence[CoefficientArray], operators: Sequence[StageMatrix], structures: Sequence[str]
     ):
-        self.arguments, self.operators, self.structures = tuple(arguments), tuple(operators), tuple(structures)
+        self.arguments, self.operators = tuple(arguments), tuple(operators)
         self.equations: tuple[Equation, ...] = ()
         self.size = 0
         self.blocks = [CoefficientBlock(argument, part) for argument in arguments for part in argument.parts]
+        bands = map(BANDS.get, structures)
+        self.bands = [next(bands) if block.argument.is_matrix else None for block in self.blocks]
         self.operations: list[tuple[int, int, int]] = []
         self._ids: dict[tuple[int, int, int], int] = {}
         self.factors: dict[int, tuple[int, ...]] = {self._emit(ONE): ()}  # the first operation: its id is ONE, 0
 
     def _emit(self, kind: int, x: int = 0, y: int = 0) -> int:
         operation = (kind, x, y)
-        found = self._ids.get(operation)
-        if found is None:
-            found = self._ids[operation] = len(self.operations)
+        found = self._ids.setdefault(operation, len(self.operations))
+        if found == len(self.operations):
             self.operations.append(operation)
         return found
 
@@ -141,15 +143,14 @@ class ConditionProgram:
         """The image of a stage vector under a stage matrix, as a factor."""
         return self._emit(IMAGE, operator, stage)
 
-    def times(self, stage: int, factor: int) -> int:
-        """The product of a stage vector and a factor."""
-        found = factor if stage == ONE else self._emit(PRODUCT, stage, factor)
-        self.factors.setdefault(found, (*self.factors[stage], factor))
-        return found
-
     def product(self, factors: Iterable[int]) -> int:
-        """The product of factors."""
-        return reduce(self.times, factors, ONE)
+        """The product of factors: a stage vector."""
+        stage = ONE
+        for factor in factors:
+            found = factor if stage == ONE else self._emit(PRODUCT, stage, factor)
+            self.factors.setdefault(found, (*self.factors[stage], factor))
+            stage = found
+        return stage
 
     def _gradient(self, summands: Sequence[EquationTerm]) -> list[GradientTerm]:
         """The derivatives of a sum by all coefficients; appends the operations they need."""
@@ -176,14 +177,9 @@ class ConditionProgram:
 
     def free_entries(self, stages: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """The coefficients that the structures allow: block, and index in the block."""
-        structures = iter(self.structures)
-        for k, block in enumerate(self.blocks):
-            band = BANDS.get(next(structures), stages) if block.argument.is_matrix else 0
-            for i in range(stages):
-                if block.argument.is_matrix:
-                    yield from ((k, (i, j)) for j in range(min(stages, i + band)))
-                else:
-                    yield k, (i,)
+        for k, (block, band) in enumerate(zip(self.blocks, self.bands, strict=True)):
+            entries = product(range(stages), repeat=1 + block.argument.is_matrix)
+            yield from ((k, at) for at in entries if band is None or at[1] < at[0] + band)
 
     @cached_property
     def gradients(self) -> list[list[GradientTerm]]:

@@ -319,11 +319,9 @@ def _times(factor: Fraction, value: str) -> str:
 def _numpy_jacobian(program: ConditionProgram) -> list[str]:
     gradients, count = program.gradients, len(program.equations)
     lines, columns = _numpy_header(program, "jacobian", len(program.operations)), []
-    structures = iter(program.structures)
-    for k, (argument, part) in enumerate(program.blocks):
+    for k, ((argument, part), band) in enumerate(zip(program.blocks, program.bands, strict=True)):
         shape = ", ".join("s" * (1 + argument.is_matrix))
         lines.append(f"    d{k} = np.zeros(({count}, {shape}))  # by {argument.name} {part}".rstrip())
-        band = BANDS.get(next(structures)) if argument.is_matrix else None
         free = f"[:, np.tri(s, s, {band - 1}, bool)]" if band is not None else f".reshape({count}, -1)"
         columns.append(f"d{k}{free}")
     for k, terms in enumerate(gradients):

@@ -203,12 +203,11 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         assumed = f", assuming {self.request.assumptions}" if any(self.request.assumptions) else ""
         return f"<OrderConditions {self.kind}: order {self.order}, {len(self)} conditions{assumed}>"
 
-    def __str__(self) -> str:
-        return self.text()
-
     def text(self) -> str:
         """The equations as text, one on each line."""
         return "\n".join(map(str, self))
+
+    __str__ = text
 
     def to_latex(self) -> str:
         """The equations as LaTeX, aligned at their equality signs.

@@ -55,12 +55,8 @@ class Exact:
         """Length of a row for this many entries."""
         return max(entries, 1)
 
-    def size(self, number: int) -> Any:
-        """A length."""
-        return number
-
-    def sizes(self, numbers: Sequence[int]) -> Any:
-        """Several lengths."""
+    def lengths(self, numbers: int | Sequence[int]) -> Any:
+        """A length, or several."""
         return numbers
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
@@ -118,19 +114,13 @@ class Compiled(Exact):
 
     def width(self, entries: int) -> Any:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
-        return self.size(max(entries + 3, 4) // 4 * 4)
+        return self.lengths(max(entries + 3, 4) // 4 * 4)
 
-    def size(self, number: int) -> Any:
-        """A length, unsigned."""
+    def lengths(self, numbers: int | Sequence[int]) -> Any:
+        """A length, or several, unsigned."""
         import numpy as np
 
-        return np.uint64(number)
-
-    def sizes(self, numbers: Sequence[int]) -> Any:
-        """Several lengths, unsigned."""
-        import numpy as np
-
-        return np.array(numbers, np.uint64)
+        return np.asarray(numbers, np.uint64)[()]
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays."""
@@ -339,25 +329,15 @@ def factorial_weights(
     return arithmetic.factors(weights)
 
 
-@lru_cache(maxsize=1)
-def _prime_pool() -> list[int]:
-    """The primes in the last 2^18 numbers below 2^30, largest first."""
-    import numpy as np
-
-    start, stop = 2**PRIME_BITS - 2**18, 2**PRIME_BITS
-    composite = np.zeros(stop - start, bool)
-    for divisor in range(2, math.isqrt(stop) + 1):
-        composite[-start % divisor :: divisor] = True
-    return (start + np.flatnonzero(~composite))[::-1].tolist()
-
-
 def primes_beyond(bits: float, avoid: int) -> list[int]:
     """Primes, none of which divides `avoid`, whose product exceeds 2^bits."""
+    from flint import fmpz
+
     chosen, product_bits = [], 0.0
-    for prime in _prime_pool():
+    for number in range(2**PRIME_BITS - 1, 2**PRIME_BITS - 2**18, -2):
         if product_bits > bits:
             return chosen
-        if avoid % prime:
-            chosen.append(prime)
-            product_bits += math.log2(prime) - 1e-9
+        if fmpz(number).is_prime() and avoid % number:
+            chosen.append(number)
+            product_bits += math.log2(number) - 1e-9
     raise SeriesError(f"method must have coefficients of fewer digits: exact results would take {bits:.0f} bits each")

@@ -37,10 +37,12 @@ from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
+from integrators.exact.polynomials import to_flint
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import sympy
+    from flint import fmpq_poly
 
     Coefficient: TypeAlias = Fraction | sympy.Expr | float
 
@@ -332,18 +334,11 @@ class NumberField(Exact):
     def __init__(self, field: Any):
         super().__init__()
         self.field = field
-        self._relation = self._polynomial(field.mod.to_list())
-
-    @staticmethod
-    def _polynomial(coefficients: Sequence[Any]) -> Any:
-        """A polynomial of flint from the coefficients of SymPy's, the leading one first."""
-        from flint import fmpq, fmpq_poly
-
-        return fmpq_poly([fmpq(int(x.numerator), int(x.denominator)) for x in reversed(coefficients)])
+        self._relation = flint_polynomial(field.mod.to_list())
 
     def number(self, value: Any) -> Any:
         """A rational number, or an element of the field."""
-        return self._polynomial([value] if isinstance(value, Rational) else value.to_list())
+        return flint_polynomial([value] if isinstance(value, Rational) else value.to_list())
 
     def element(self, value: Any) -> Any:
         """A polynomial, or an int, as an element of the field."""
@@ -351,6 +346,13 @@ class NumberField(Exact):
             return self.field.convert(value)
         rest = value % self._relation
         return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
+
+
+def flint_polynomial(descending: Sequence[Any]) -> fmpq_poly:
+    """A polynomial of flint from rational coefficients, the leading one first."""
+    from flint import fmpq_poly
+
+    return fmpq_poly([to_flint(x) for x in reversed(descending)])
 
 
 def ring_element(ring: Any, number: Any) -> Any:

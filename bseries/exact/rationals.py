@@ -130,9 +130,9 @@ class RationalValues(Values):
         numerators, denominators = self.raw.copy(), [1]
         for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
             part: Any = self.raw[first:last]  # a list beyond int64
-            common = math.gcd(self.denominators[n], *(part if isinstance(part, list) else part.tolist()))
-            fits = common < 2**63 and not isinstance(part, list)  # exceeds int64 if all are 0 or −2^63
-            numerators[first:last] = part // common if fits else [int(x) // common for x in part]
+            values = part if isinstance(part, list) else part.tolist()
+            common = math.gcd(self.denominators[n], *values)  # exceeds int64 if all are 0 or −2^63
+            numerators[first:last] = [x // common for x in values]
             denominators.append(self.denominators[n] // common)
         return RationalValues(self.table, numerators, denominators, math.lcm(*denominators))
 

@@ -59,7 +59,7 @@ def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, f
         )
         return weight
     arithmetic.run(kernels.elementary_weights)(
-        0, size, top, table.colors, left, right, color, arithmetic.size(count), blocks, start,
+        0, size, top, table.colors, left, right, color, arithmetic.lengths(count), blocks, start,
         column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
         weight, arithmetic.zeros(count, wide=True), arithmetic.zeros(2 * stages.longest, wide=True),
     )  # fmt: skip
@@ -80,9 +80,9 @@ def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any,
     filled = [k for k, entry in enumerate(stages.a) if entry]
     start = [bisect_left(filled, stages.size * row) for row in range(len(stages.a) // stages.size + 1)]
     return (
-        arithmetic.sizes(stages.blocks),
-        arithmetic.sizes(start),
-        arithmetic.sizes([k % stages.size for k in filled]),
+        arithmetic.lengths(stages.blocks),
+        arithmetic.lengths(start),
+        arithmetic.lengths([k % stages.size for k in filled]),
         arithmetic.vector([stages.a[k] * node for k in filled]),
         arithmetic.vector([entry * last for entry in stages.b]),
         arithmetic.vector(stages.relation),
@@ -252,8 +252,8 @@ def into_stages(
     for splits in table.split_chunks():
         run(
             splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top,
-            arithmetic.size(stages.size), arithmetic.sizes(blocks), arithmetic.sizes(live), relation,
-            arithmetic.sizes(degrees), row_start, row_column, a, b, arithmetic.size(moved), solve,
+            *map(arithmetic.lengths, (stages.size, blocks, live)), relation, arithmetic.lengths(degrees), row_start,
+            row_column, a, b, arithmetic.lengths(moved), solve,
             _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, *negated, arithmetic.modulus, rows,
             logs, generators, field, result,
             value, inner, terms, log_terms,

@@ -79,9 +79,8 @@ class Statistics:
     def __init__(self, orders: tuple[int, ...]):
         self.orders, self.count, self.size = orders, 0, 1
         self.first = np.zeros(len(orders))
-        self._moments = np.zeros((len(orders), 7))
-        self._moments[:, [3, 5]], self._moments[:, [4, 6]] = np.inf, -np.inf
-        self._blocks = _empty(len(orders))
+        self._moments = np.tile([0.0, 0.0, 0.0, np.inf, -np.inf, np.inf, -np.inf], (len(orders), 1))
+        self._blocks = np.tile([0.0, np.inf, -np.inf], (len(orders), BLOCKS, 1))
 
     def add(self, values: np.ndarray) -> None:
         """Add the values (orders, steps) of the next steps."""
@@ -98,12 +97,10 @@ class Statistics:
 
     def _merge(self) -> None:
         """Merge blocks in pairs."""
-        pairs, merged = self._blocks, _empty(len(self.orders))
-        one, other, half = pairs[:, ::2], pairs[:, 1::2], BLOCKS // 2
-        merged[:, :half, 0] = one[..., 0] + other[..., 0]
-        merged[:, :half, 1] = np.minimum(one[..., 1], other[..., 1])
-        merged[:, :half, 2] = np.maximum(one[..., 2], other[..., 2])
-        self._blocks, self.size = merged, 2 * self.size
+        sums, least, largest = np.moveaxis(self._blocks.reshape(len(self.orders), -1, 2, 3), -1, 0)
+        merged = np.stack((sums.sum(axis=2), least.min(axis=2), largest.max(axis=2)), axis=-1)
+        self._blocks[:, : BLOCKS // 2], self._blocks[:, BLOCKS // 2 :] = merged, (0.0, np.inf, -np.inf)
+        self.size *= 2
 
     def blocks(self) -> np.ndarray:
         """Mean, least and largest values of full blocks, (orders, blocks, 3), relative to the first value."""
@@ -113,8 +110,7 @@ class Statistics:
 
     def results(self, h: float) -> tuple[OrderStatistics, ...]:
         """The statistics so far, for steps of size h."""
-        blocks = self.blocks()
-        return tuple(self._of_order(k, h, blocks[k, :, 0]) for k in range(len(self.orders)))
+        return tuple(self._of_order(k, h, means) for k, means in enumerate(self.blocks()[..., 0]))
 
     def _of_order(self, k: int, h: float, means: np.ndarray) -> OrderStatistics:
         n = self.count
@@ -154,10 +150,6 @@ def slope_error(means: np.ndarray) -> float:
                 errors.append(math.sqrt(1.2 * ((distant - near) / (far - 1)) / len(means)) / width)
         means, width = means[: len(means) // 2 * 2].reshape(-1, 2).mean(axis=1), 2 * width
     return max(errors)
-
-
-def _empty(orders: int) -> np.ndarray:
-    return np.tile([0.0, np.inf, -np.inf], (orders, BLOCKS, 1))
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")

@@ -106,51 +106,26 @@ def shadow_energy(
     if allowed < 0:
         raise SeriesError(f"tolerance must be 0 or more, but was {tolerance!r:.60}")
     source = open_source(trajectory, columns, None if scene is None else SceneForces(as_scene(scene)))
-    blocks, step, start = _timed(source, h, allowed)
+    blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
+    head = next(blocks, None)
+    if head is None or len(head["q"]) < 2:
+        raise SeriesError(f"{source.label} must have at least {LEAST_VALUES + 2} states, but has fewer than 2")
+    run = _Run(source, _step(source, head.get("t"), h), allowed, layout)
     if layout not in LAYOUTS:
         raise SeriesError(f"layout must be one of {', '.join(LAYOUTS)}, but was {layout!r:.60}")
     if layout == MIDDLE and source.forces is None:
         raise SeriesError("scene must be given for the layout drift-kick-drift, whose forces are at half steps")
     edges = None if period is None else _positive_numbers(period, "period", source.dimension, np.tile)
-    masses = _masses(source, mass)
-    states = _read_states(blocks, masses, step, source, layout, edges)
-
-    def check(states: _States, first: int) -> float:
-        rounding = _check_steps(states, step, first, allowed, source, layout)
-        if first == 0:
-            _check_potential(states, allowed, source)
-        return rounding
-
+    states = run.states(chain([head], blocks), _mass_factors(_inverse_masses(source, mass)), edges)
+    start = float(head["t"][0]) if "t" in head else 0.0
     with np.errstate(all="ignore"):  # numbers that overflow are refused where they are found
-        return _measure(states, order, step, start, source, check, keep, progress)
+        return _measure(run, states, order, start, keep, progress)
 
 
-def _masses(source: Source, mass: Any) -> _Masses:
-    """The masses of a scene, or those given or stored with the columns."""
-    dimension = source.dimension
-    if source.forces is None:
-        given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
-        return _Masses(1 / _positive_numbers(given, "mass", dimension, np.repeat))
-    if mass is not None:
-        raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
-    inverse = source.forces.inverse_masses
-    if len(inverse) != dimension:
-        raise SeriesError(
-            f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
-            f"{dimension} numbers for each state"
-        )
-    return _Masses(inverse)
-
-
-def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[Columns], float, float]:
-    """The checked columns of a source, the step size, and the first time."""
-    blocks = source.blocks(max(256, CHUNK_NUMBERS // source.dimension))
-    head = next(blocks, None)
-    if head is None or len(head["q"]) < 2:
-        raise SeriesError(f"{source.label} must have at least {LEAST_VALUES + 2} states, but has fewer than 2")
+def _step(source: Source, t: np.ndarray | None, h: float | None) -> float:
+    """The step size: as given, stored, or between the first times."""
     if source.every != 1:
         _refuse_thinned(source, f"are every {source.every}th of a run" if source.every else "are its start and end")
-    t = head.get("t")
     if h is not None:
         step = read_number(h, "h")
     elif source.h is not None:
@@ -162,59 +137,79 @@ def _timed(source: Source, h: float | None, tolerance: float) -> tuple[Iterator[
         raise SeriesError(f"h must be given where there are no times, but {source.label} has none")
     if step == 0 or not math.isfinite(step):
         raise SeriesError(f"h must be a finite number other than 0, but was {step:g}")
+    return step
 
-    def checked() -> Iterator[Columns]:
-        first, before = 0, None
-        for columns in chain([head], blocks):
-            _check_columns(columns, before, step, first, tolerance, source)
-            first, before = first + len(columns["q"]), None if t is None else float(columns["t"][-1])
-            yield columns
 
-    return checked(), step, 0.0 if t is None else float(t[0])
+def _inverse_masses(source: Source, mass: Any) -> np.ndarray:
+    """M⁻¹ or its diagonal: of a scene, or from the masses given or stored with the columns."""
+    if source.forces is None:
+        given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
+        return 1 / _positive_numbers(given, "mass", source.dimension, np.repeat)
+    if mass is not None:
+        raise SeriesError("mass must be left out where a scene is given, which has masses, but was given")
+    inverse = source.forces.inverse_masses
+    if len(inverse) != source.dimension:
+        raise SeriesError(
+            f"q must have the shape (states, {len(inverse)}), as the scene has {len(inverse)} positions, but has "
+            f"{source.dimension} numbers for each state"
+        )
+    return inverse
+
+
+def _mass_factors(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """L with M⁻¹ = L Lᵀ, and L⁻¹: matrices, or their diagonals. Mass-weighted momenta are Lᵀp, positions L⁻¹q."""
+    if inverse.ndim == 2 and not np.any(inverse - np.diag(np.diag(inverse))):
+        inverse = np.diag(inverse)
+    try:
+        if inverse.ndim == 2:
+            factor = np.linalg.cholesky(inverse)
+            return factor, np.linalg.inv(factor)
+        if not (np.all(inverse > 0) and np.all(np.isfinite(inverse))):
+            raise np.linalg.LinAlgError
+    except np.linalg.LinAlgError:
+        raise SeriesError("mass must be positive, but that of some coordinate was not") from None
+    return np.sqrt(inverse), 1 / np.sqrt(inverse)
 
 
 def _measure(
+    run: _Run,
     pieces: Iterator[_States],
     order: int | None,
-    h: float,
     start: float,
-    source: Source,
-    check: Callable[[_States, int], float],
     keep: bool,
     progress: Callable[[int, int], object] | None,
 ) -> ShadowReport:
-    """The report on states, in one pass; `check` refuses wrong ones and returns the energy's rounding error."""
+    """The report on a run, in one pass over its states."""
     head = next(pieces)
-    orders = _orders(order, head.u.size, source)
+    orders = _orders(order, head.u.size, run.source)
     statistics, offset, kept = Statistics(orders), float(head.u[0]), list[np.ndarray]()
     weights, works, products = formula_arrays([shadow_formula(order) for order in orders])
     halo = 2 * (weights.shape[1] - 1)
     done, most_rounding = 0, 0.0
-    before: _States | None = None
+    states = _States(*(array[..., :0] for array in head))
     for piece in chain([head], pieces):
         fresh = piece._replace(u=piece.u - offset)  # reduces rounding
-        states = (
-            fresh if before is None else _States(*(np.concatenate(x, axis=-1) for x in zip(before, fresh, strict=True)))
-        )
+        states = _States(*(np.concatenate(pair, axis=-1) for pair in zip(states, fresh, strict=True)))
         steps = states.u.size
-        rounding = check(states, done - (steps - piece.u.size))
+        rounding = run.check_steps(states, done - (steps - piece.u.size))
+        if done == 0:
+            run.check_potential(states)
         rounding += PRECISION * (float(np.max(np.abs(piece.u))) + _longest(piece.p) * _longest(piece.p))
         most_rounding, done = max(most_rounding, rounding), done + piece.u.size
         if steps > halo:
             work = np.empty((works.shape[1], steps)), np.empty((products.shape[1], steps))
             out = np.empty((len(orders), steps - halo))
-            shadow_values.compiled(h, states.p, states.g, states.u, weights, works, products, *work, out)
+            shadow_values.compiled(run.h, states.p, states.g, states.u, weights, works, products, *work, out)
             middle = done - steps + halo // 2
-            _check_finite(out, "shadow energies", middle, source)  # squares of finite numbers may overflow
+            _check_finite(out, "shadow energies", middle, run.source)  # squares of finite numbers may overflow
             statistics.add(out)
             if keep:
                 kept.append(out + offset)
             states = _States(*(array[..., steps - halo :] for array in states))
-        before = states
         if progress is not None:
-            progress(done, source.states or done)
+            progress(done, run.source.states or done)
     values = dict(zip(orders, np.concatenate(kept, axis=1), strict=True)) if keep else None
-    return ShadowReport(source.label, h, start, done, statistics, offset, most_rounding, values)
+    return ShadowReport(run.source.label, run.h, start, done, statistics, offset, most_rounding, values)
 
 
 @float_kernel
@@ -299,61 +294,11 @@ class _States(NamedTuple):
     u: np.ndarray
 
 
-class _Masses:
-    """The kinetic energy, as the factor L of M⁻¹ = L Lᵀ, for M⁻¹ or its diagonal: mass-weighted momenta are Lᵀp."""
-
-    def __init__(self, inverse: np.ndarray):
-        if inverse.ndim == 2 and not np.any(inverse - np.diag(np.diag(inverse))):
-            inverse = np.diag(inverse)
-        try:
-            if inverse.ndim == 1 and not (np.all(inverse > 0) and np.all(np.isfinite(inverse))):
-                raise np.linalg.LinAlgError
-            self._factor = np.sqrt(inverse) if inverse.ndim == 1 else np.linalg.cholesky(inverse)
-        except np.linalg.LinAlgError:
-            raise SeriesError("mass must be positive, but that of some coordinate was not") from None
-        self._inverse = 1 / self._factor if inverse.ndim == 1 else np.linalg.inv(self._factor)
-
-    def of_momenta(self, rows: np.ndarray) -> np.ndarray:  # or of gradients: (steps, coordinates) as weighted columns
-        return _weighted(rows, self._factor)
-
-    def of_positions(self, rows: np.ndarray) -> np.ndarray:  # or of velocities
-        return _weighted(rows, self._inverse.T)
-
-    def positions(self, columns: np.ndarray) -> np.ndarray:
-        return _weighted(columns.T, self._factor.T).T
-
-
 def _weighted(rows: np.ndarray, factor: np.ndarray) -> np.ndarray:
     """The columns of rows times a factor, which is a matrix or its diagonal."""
     if factor.ndim == 1:
         return np.multiply(rows.T, factor[:, None], order="C")
     return np.ascontiguousarray((rows @ factor).T)
-
-
-def _read_states(
-    blocks: Iterator[Columns], masses: _Masses, h: float, source: Source, layout: str, period: Any
-) -> Iterator[_States]:
-    """The states of successive blocks of columns; `period` is the box for each coordinate, or None."""
-    last, crossings = None, 0.0
-    for columns in blocks:
-        p = masses.of_momenta(columns["p"]) if "p" in columns else masses.of_positions(columns["v"])
-        q = columns["q"]
-        if period is not None:  # positions continue where they jump to the other side of the box
-            jumps = np.round(np.diff(q, axis=0, prepend=q[:1] if last is None else last) / period)
-            crossings = np.cumsum(jumps, axis=0) + crossings
-            last, q, crossings = q[-1:].copy(), q - period * crossings, crossings[-1:]
-        weighted = masses.of_positions(q)
-        if layout == MIDDLE:
-            weighted += 0.5 * h * p
-            q = masses.positions(weighted)
-        if source.forces is not None:
-            gradients, u = source.forces(np.ascontiguousarray(q))
-        else:
-            gradients, u = columns["gradU"] if "gradU" in columns else -columns["F"], columns["U"]
-        g = masses.of_momenta(gradients)
-        if layout != FULL:
-            p += (0.5 if layout == AHEAD else -0.5) * h * g
-        yield _States(weighted, p, g, u)
 
 
 def _longest(columns: np.ndarray) -> float:
@@ -379,29 +324,6 @@ def _positive_numbers(value: Any, argument: str, dimension: int, spread: Callabl
     return spread(values, dimension // len(values))
 
 
-def _check_columns(
-    columns: Columns, before: float | None, h: float, first: int, tolerance: float, source: Source
-) -> None:
-    """Check that columns are finite and times advance by h."""
-    for role, rows in columns.items():
-        _check_finite(rows.T, PLURALS.get(role, "forces"), first, source)
-    if "t" not in columns:
-        return
-    t = columns["t"] if before is None else np.concatenate(([before], columns["t"]))
-    steps = np.diff(t)
-    wrong = np.flatnonzero(~(np.abs(steps - h) <= 1e-3 * abs(h) + 2 * tolerance * np.max(np.abs(t))))
-    if len(wrong):
-        k, step = first + int(wrong[0]) + (before is None), float(steps[wrong[0]])
-        ratio = step / h
-        if np.isfinite(ratio) and round(ratio) > 1 and abs(ratio - round(ratio)) < CLOSE * ratio:
-            _refuse_thinned(source, f"are {round(ratio)} steps of size {h:g} apart")
-        distance = float(np.max(np.abs(steps - h)) / (2 * np.max(np.abs(t))))
-        raise SeriesError(
-            f"t must advance by one step, {h:g}, each time, but from state {k} to {k + 1} it advanced by {step:g}"
-            f"{_on_rounding(distance)}"
-        )
-
-
 def _check_finite(array: np.ndarray, name: str, first: int, source: Source) -> None:
     """Check that numbers are finite."""
     finite = np.isfinite(array)
@@ -415,27 +337,128 @@ def _refuse_thinned(source: Source, what: str) -> NoReturn:
     raise SeriesError(f"{source.label} must contain every step, but its states {what}")
 
 
-def _check_steps(states: _States, h: float, first: int, tolerance: float, source: Source, layout: str) -> float:
-    """Check that states, from number `first` on, are consecutive steps; returns the energy of the largest distance."""
-    q, p, g, u = states
-    for array, name in ((q, "positions"), (p, "momenta"), (g, "forces"), (u, "potentials")):
-        _check_finite(array, name, first, source)
-    if q.shape[1] < 2:
-        return 0.0
-    moved, drift, changed, impulse = _steps(states, h)
-    of_q, of_p = np.max(np.abs(moved - drift), axis=0), np.max(np.abs(changed - impulse), axis=0)
-    size_p = float(np.max(np.abs(p))) + abs(h) * float(np.max(np.abs(g)))
-    size_q = float(np.max(np.abs(q))) + abs(h) * size_p
-    wrong_q, wrong_p = ~(of_q <= tolerance * size_q), ~(of_p <= tolerance * size_p)  # includes nan
-    if wrong_q.any() or wrong_p.any():
-        n = int(np.argmax(wrong_q | wrong_p))
-        by = f", made by {source.method}," if source.method else ""
-        must = f"{source.label}{by} must have consecutive steps of Störmer–Verlet (kick–drift–kick) with h = {h:g}"
-        holds = not wrong_q[n], bool(wrong_p.mean() < RARE)
-        reason = _diagnosis(states, h, layout, n, *holds, f"from state {first + n + 1} to {first + n + 2}")
-        distance = max(float(np.max(of_q)) / (size_q or 1), float(np.max(of_p)) / (size_p or 1))
-        raise SeriesError(f"{must}, but {reason}{_on_rounding(distance)}")
-    return float(np.max(of_q)) * _longest(g) + float(np.max(of_p)) * _longest(p)
+class _Run(NamedTuple):
+    """A trajectory, its step size, and how its states are checked."""
+
+    source: Source
+    h: float
+    tolerance: float
+    layout: str
+
+    def states(
+        self, blocks: Iterator[Columns], masses: tuple[np.ndarray, np.ndarray], period: np.ndarray | None
+    ) -> Iterator[_States]:
+        """The states of blocks of columns; `masses` are L and L⁻¹, `period` is the box for each coordinate."""
+        factor, inverse = masses
+        first, time, last, crossings = 0, None, None, 0.0
+        for columns in blocks:
+            self._check_columns(columns, time, first)
+            q, first, time = columns["q"], first + len(columns["q"]), columns["t"][-1] if "t" in columns else None
+            p = _weighted(columns["p"], factor) if "p" in columns else _weighted(columns["v"], inverse.T)
+            if period is not None:  # positions continue where they jump to the other side of the box
+                jumps = np.round(np.diff(q, axis=0, prepend=q[:1] if last is None else last) / period)
+                crossings = np.cumsum(jumps, axis=0) + crossings
+                last, q, crossings = q[-1:].copy(), q - period * crossings, crossings[-1:]
+            weighted = _weighted(q, inverse.T)
+            if self.layout == MIDDLE:
+                weighted += 0.5 * self.h * p
+                q = _weighted(weighted.T, factor.T).T
+            if self.source.forces is not None:
+                gradients, u = self.source.forces(np.ascontiguousarray(q))
+            else:
+                gradients, u = columns["gradU"] if "gradU" in columns else -columns["F"], columns["U"]
+            g = _weighted(gradients, factor)
+            if self.layout != FULL:
+                p += (0.5 if self.layout == AHEAD else -0.5) * self.h * g
+            yield _States(weighted, p, g, u)
+
+    def _check_columns(self, columns: Columns, before: float | None, first: int) -> None:
+        """Check that columns are finite and times, after that `before` them, advance by h."""
+        for role, rows in columns.items():
+            _check_finite(rows.T, PLURALS.get(role, "forces"), first, self.source)
+        if "t" not in columns:
+            return
+        h, t = self.h, columns["t"] if before is None else np.concatenate(([before], columns["t"]))
+        steps = np.diff(t)
+        wrong = np.flatnonzero(~(np.abs(steps - h) <= 1e-3 * abs(h) + 2 * self.tolerance * np.max(np.abs(t))))
+        if len(wrong):
+            k, step = first + int(wrong[0]) + (before is None), float(steps[wrong[0]])
+            ratio = step / h
+            if np.isfinite(ratio) and round(ratio) > 1 and abs(ratio - round(ratio)) < CLOSE * ratio:
+                _refuse_thinned(self.source, f"are {round(ratio)} steps of size {h:g} apart")
+            distance = float(np.max(np.abs(steps - h)) / (2 * np.max(np.abs(t))))
+            raise SeriesError(
+                f"t must advance by one step, {h:g}, each time, but from state {k} to {k + 1} it advanced by {step:g}"
+                f"{_on_rounding(distance)}"
+            )
+
+    def check_steps(self, states: _States, first: int) -> float:
+        """Check that states, from number `first` on, are consecutive steps; returns the energy of their distance."""
+        q, p, g, u = states
+        for array, name in ((q, "positions"), (p, "momenta"), (g, "forces"), (u, "potentials")):
+            _check_finite(array, name, first, self.source)
+        if q.shape[1] < 2:
+            return 0.0
+        moved, drift, changed, impulse = _steps(states, self.h)
+        of_q, of_p = np.max(np.abs(moved - drift), axis=0), np.max(np.abs(changed - impulse), axis=0)
+        size_p = float(np.max(np.abs(p))) + abs(self.h) * float(np.max(np.abs(g)))
+        size_q = float(np.max(np.abs(q))) + abs(self.h) * size_p
+        wrong_q, wrong_p = ~(of_q <= self.tolerance * size_q), ~(of_p <= self.tolerance * size_p)  # includes nan
+        if wrong_q.any() or wrong_p.any():
+            n = int(np.argmax(wrong_q | wrong_p))
+            by = f", made by {self.source.method}," if self.source.method else ""
+            holds = not wrong_q[n], bool(wrong_p.mean() < RARE)
+            reason = self._diagnosis(states, n, *holds, f"from state {first + n + 1} to {first + n + 2}")
+            distance = max(float(np.max(of_q)) / (size_q or 1), float(np.max(of_p)) / (size_p or 1))
+            raise SeriesError(
+                f"{self.source.label}{by} must have consecutive steps of Störmer–Verlet (kick–drift–kick) with "
+                f"h = {self.h:g}, but {reason}{_on_rounding(distance)}"
+            )
+        return float(np.max(of_q)) * _longest(g) + float(np.max(of_p)) * _longest(p)
+
+    def check_potential(self, states: _States) -> None:
+        """Check that the potential changes by the work of the forces."""
+        work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)
+        size = float(np.sqrt(work @ work))
+        if not size:
+            return
+        ratio = float(work @ np.diff(states.u)) / size**2
+        rounding = self.tolerance * (float(np.max(np.abs(states.u))) + _longest(states.q) * _longest(states.g))
+        if not abs(ratio - 1) <= FAR + rounding * len(work) ** 0.5 / size:
+            raise SeriesError(
+                f"{self.source.label} must have the potential of its forces, but it changes by {ratio:.4g} times "
+                "their work"
+            )
+
+    def _diagnosis(self, states: _States, n: int, q_holds: bool, p_holds: bool, step: str) -> str:
+        """The likely cause of states that are no steps of size h, where step n is the first wrong one."""
+        h, p = self.h, states.p
+        moved, drift, changed, impulse = _steps(states, h)
+        jump = abs(moved[:, n] - drift[:, n]).max()
+        if jump > MANY * abs(drift).max() and abs(changed[:, n]).max() <= MANY * abs(impulse).max():
+            return f"{step} positions jump by {jump:.6g}, as if wrapped into a box (period unwraps them)"
+        stored = p - {FULL: 0.0, AHEAD: 0.5, BEHIND: -0.5, MIDDLE: 0.0}[self.layout] * h * states.g
+        one, other = h * stored[:, :-1], h * stored[:, 1:]
+        for name, expected in ((AHEAD, one), (BEHIND, other), (MIDDLE, 0.5 * (one + other))):
+            if MIDDLE != self.layout != name and _unexplained(moved, expected) < EXACT:
+                return f"they are of the layout {name!r}"
+        found = _ratios(moved, drift) if p_holds and not q_holds else None
+        if found is not None:
+            k = int(abs(found - 1).argmax())
+            return f"coordinate {k + 1} moves {found[k]:.6g} times as far as its mass implies"
+        average = 0.5 * h * (p[:, 1:] + p[:, :-1])  # for steps of another length
+        found = None if q_holds or p_holds else _ratios(moved, average)
+        if found is not None and abs(found - found.mean()).max() < ROUGH * abs(found.mean()):
+            times, whole = float(found.mean()), round(float(found.mean()))
+            kept = f", as if only one in {whole} states was kept" if whole > 1 and abs(times - whole) < ROUGH else ""
+            return f"positions move {times:.4g} times as far as h implies{kept}"
+        found = _ratios(changed, impulse) if q_holds or not p_holds else None
+        if found is not None:
+            factor = f"{found.mean():.6g} times the impulse of the forces"
+            return f"momenta change by {factor}: units, sign or masses are wrong"
+        if q_holds:
+            return f"{step} momenta change by more than the forces: a thermostat, constraints or another potential"
+        return f"{step} there is no such step: states are missing, or the scene, the method, h or masses are wrong"
 
 
 def _steps(states: _States, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -447,50 +470,6 @@ def _steps(states: _States, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def _on_rounding(distance: float) -> str:
     """The tolerance that accepts states at a relative distance, if numbers with few digits may explain it."""
     return f"; if it is rounding, tolerance must be {2 * distance:.0e}" if distance < ROUNDING else ""
-
-
-def _check_potential(states: _States, tolerance: float, source: Source) -> None:
-    """Check that the potential changes by the work of the forces."""
-    work = 0.5 * np.sum((states.g[:, 1:] + states.g[:, :-1]) * np.diff(states.q), axis=0)
-    size = float(np.sqrt(work @ work))
-    if not size:
-        return
-    ratio = float(work @ np.diff(states.u)) / size**2
-    rounding = tolerance * (float(np.max(np.abs(states.u))) + _longest(states.q) * _longest(states.g))
-    if not abs(ratio - 1) <= FAR + rounding * len(work) ** 0.5 / size:
-        raise SeriesError(
-            f"{source.label} must have the potential of its forces, but it changes by {ratio:.4g} times their work"
-        )
-
-
-def _diagnosis(states: _States, h: float, layout: str, n: int, q_holds: bool, p_holds: bool, step: str) -> str:
-    """The likely cause of states that are no steps of size h, where step n is the first wrong one."""
-    _, p, g, _ = states
-    moved, drift, changed, impulse = _steps(states, h)
-    jump = abs(moved[:, n] - drift[:, n]).max()
-    if jump > MANY * abs(drift).max() and abs(changed[:, n]).max() <= MANY * abs(impulse).max():
-        return f"{step} positions jump by {jump:.6g}, as if wrapped into a box (period unwraps them)"
-    stored = p - {FULL: 0.0, AHEAD: 0.5, BEHIND: -0.5, MIDDLE: 0.0}[layout] * h * g
-    one, other = h * stored[:, :-1], h * stored[:, 1:]
-    for name, expected in ((AHEAD, one), (BEHIND, other), (MIDDLE, 0.5 * (one + other))):
-        if MIDDLE != layout != name and _unexplained(moved, expected) < EXACT:
-            return f"they are of the layout {name!r}"
-    found = _ratios(moved, drift) if p_holds and not q_holds else None
-    if found is not None:
-        k = int(abs(found - 1).argmax())
-        return f"coordinate {k + 1} moves {found[k]:.6g} times as far as its mass implies"
-    average = 0.5 * h * (p[:, 1:] + p[:, :-1])  # for steps of another length
-    found = None if q_holds or p_holds else _ratios(moved, average)
-    if found is not None and abs(found - found.mean()).max() < ROUGH * abs(found.mean()):
-        times, whole = float(found.mean()), round(float(found.mean()))
-        kept = f", as if only one in {whole} states was kept" if whole > 1 and abs(times - whole) < ROUGH else ""
-        return f"positions move {times:.4g} times as far as h implies{kept}"
-    found = _ratios(changed, impulse) if q_holds or not p_holds else None
-    if found is not None:
-        return f"momenta change by {found.mean():.6g} times the impulse of the forces: units, sign or masses are wrong"
-    if q_holds:
-        return f"{step} momenta change by more than the forces: a thermostat, constraints or another potential"
-    return f"{step} there is no such step: states are missing, or the scene, the method, h or masses are wrong"
 
 
 def _unexplained(found: np.ndarray, expected: np.ndarray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from operator import attrgetter
@@ -73,15 +73,13 @@ class EffectVariants(NamedTuple):
         lists = {name: [value] if isinstance(value, str) else value for name, value in given.items()}
         return {name: [block for block in blocks if block not in absent] for name, blocks in lists.items()}
 
-    def _labels(self, names: Names) -> Iterator[Any]:
+    def _labels(self, names: Names) -> list[Any]:
         """An identifier for each variable: its name, or its body and component."""
         scene = self.build(names)
         if self.bodies is None:
-            yield from scene.variables
-            return
+            return list(scene.variables)
         bodies = self.bodies(names)
-        for block in scene.blocks:
-            yield from ((body, component) for body in bodies for component in block.components)
+        return [(body, component) for block in scene.blocks for body in bodies for component in block.components]
 
 
 def effect_variants(
@@ -90,13 +88,7 @@ def effect_variants(
     parameters: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
 ) -> EffectVariants:
-    """The combinations of the effects of a scene.
-
-    Example:
-        >>> found = effect_variants("pendulum", ["drive", "damping"], {"gamma": "1/5"})
-        >>> found.without("drive"), found.build(("damping",)).field
-        (('damping',), (-p/5 - sin(q), p))
-    """
+    """The combinations of the effects of a scene."""
     values, blocks = _mapping(parameters, "parameters"), _mapping(start, "start")
     chosen = (effects,) if isinstance(effects, str) else tuple(items(effects or (), "effects"))
     if effects is not None and not chosen:
@@ -119,7 +111,7 @@ def effect_variants(
 
 
 def _mapping(values: Any, argument: str) -> dict[str, Any]:
-    if values is not None and not isinstance(values, Mapping):
+    if not isinstance(values, Mapping | None):
         raise SeriesError(f"{argument} must map names to values, but was {values!r:.60}")
     return dict(values or {})
 
@@ -218,8 +210,8 @@ class EffectCosts(Sequence[CostRow]):
         ]
         return Table(
             f"Cost of effects of {self.scene}, {self.method}",
-            _COLUMNS,
-            self.rows,
+            [Column(heading, heading != "effects") for heading in _HEADINGS],
+            list(map(_cells, self.rows)),
             notes,
             data=self.to_dict,
             items="rows",
@@ -255,21 +247,15 @@ class EffectCosts(Sequence[CostRow]):
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
-def _time_columns(what: str) -> tuple[Column, Column]:
-    """The time of a step or of the field in nanoseconds, and half the distance of its quartiles."""
-    time = attrgetter(what)
-    half = Column("±", True, lambda row: f"{(time(row).high - time(row).low) / 2 * NANO:.1f}")
-    return Column(what, True, lambda row: f"{time(row).seconds * NANO:,.1f} ns"), half
+def _cells(row: CostRow) -> list[str]:
+    """A row of the table: after each time half the distance of its quartiles."""
+    cells = [str(len(row.effects)), ", ".join(row.effects)]
+    for time in (row.step, row.field):
+        cells += [f"{time.seconds * NANO:,.1f} ns", f"{(time.high - time.low) / 2 * NANO:.1f}"]
+    return cells + ["" if count is None else f"{count:,}" for count in (row.trees, row.all_trees)]
 
 
-_COLUMNS = (
-    Column("on", True, lambda row: len(row.effects)),
-    Column("effects", get=lambda row: ", ".join(row.effects)),
-    *_time_columns("step"),
-    *_time_columns("field"),
-    Column("trees", True, lambda row: "" if row.trees is None else f"{row.trees:,}"),
-    Column("of", True, lambda row: "" if row.all_trees is None else f"{row.all_trees:,}"),
-)
+_HEADINGS = ("on", "effects", "step", "±", "field", "±", "trees", "of")
 _TIMES = [f"{what}.{part}" for what in ("step", "field") for part in ("seconds", "low", "high")]
 _FIELDS = (
     ("on", lambda row: len(row.effects)),

@@ -312,17 +312,15 @@ class EffectRuns:
 
     def own_error(self) -> Influence:
         """The error of the method with all effects, from a run with smaller steps."""
-        names = self.variants.names
-        return self._apart(names, self.run(names), names, self._states(names, pieces=PIECES))
+        return self._apart(self.variants.names, self.variants.names, PIECES)
 
     def alone(self, name: str) -> Influence:
         """The influence of an effect on the scene without others."""
-        return self._apart((name,), self.run((name,)), (), self.run(()))
+        return self._apart((name,), ())
 
     def without(self, *left_out: str) -> Influence:
         """The influence of leaving out some of all effects."""
-        more, less = self.variants.names, self.variants.without(*left_out)
-        return self._apart(more, self.run(more), less, self.run(less))
+        return self._apart(self.variants.names, self.variants.without(*left_out))
 
     def run(self, names: Names) -> np.ndarray | None:
         """The states of a run; None if a step fails without some effects, as without a potential that confines."""
@@ -350,8 +348,9 @@ class EffectRuns:
         finally:
             self._made += self.steps * pieces
 
-    def _apart(self, more: Names, first: np.ndarray | None, less: Names, second: np.ndarray | None) -> Influence:
-        """The distance of two runs, the second with the same effects or fewer; infinite if it overflows."""
+    def _apart(self, more: Names, less: Names, pieces: int = 1) -> Influence:
+        """The distance of two runs, the second with the same effects in smaller steps, or with fewer."""
+        first, second = self.run(more), self.run(less) if pieces == 1 else self._states(less, pieces)
         base = self.variants.build(less).with_effects()
         if first is None or second is None:
             return Influence(inf, inf if base.is_hamiltonian else None)

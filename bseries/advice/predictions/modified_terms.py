@@ -11,7 +11,6 @@ import sympy
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import structure_matrix
-from integrators.methods.programs.evaluations import Flow
 from integrators.methods.programs.program import Method, Program, mapped
 from integrators.scenes.scene import Scene
 
@@ -39,9 +38,8 @@ class ModifiedTerms(NamedTuple):
         An angle may be as large as the number of its rotations, which is unrelated to the scale of f.
         """
         sizes, speeds = np.abs(y).max(axis=1), np.abs(self.field.terms(y)[0]).max(axis=1)
-        on, moves = (speeds > 0) & (sizes > 0), sizes.copy()
-        if on.any():
-            moves[on] = (sizes[on] / speeds[on]).min() * speeds[on]
+        on = (speeds > 0) & (sizes > 0)
+        moves = np.where(on, (sizes[on] / speeds[on]).min(initial=np.inf) * speeds, sizes)
         for block in self.field.scene.blocks:
             own = slice(block.offset, block.end)
             moves[own][moves[own] == 0] = moves[own].max()
@@ -78,19 +76,8 @@ def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: in
 def in_floats(method: Method) -> Program:
     """A method with its numbers rounded to doubles, since series of decimals are slow."""
     program = method.program
-
-    def change(evaluation: Any) -> Any:
-        changed = mapped(evaluation, lambda form: form.map(float))
-        return changed._replace(time=float(changed.time)) if isinstance(changed, Flow) else changed
-
-    return Program(
-        [change(evaluation) for evaluation in program.evaluations],
-        program.result.map(float),
-        parts=program.names,
-        auxiliary=program.auxiliary,
-        name=program.name,
-        max_children=program.max_children,
-    )
+    evaluations = [mapped(evaluation, lambda form: form.map(float), float) for evaluation in program.evaluations]
+    return program.changed(evaluations=evaluations, result=program.result.map(float), digits=None)
 
 
 def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
@@ -102,13 +89,7 @@ def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
 
 @lru_cache(maxsize=16)
 def gradient(scene: Scene) -> Any:
-    """∇H as a function of many points (variables, n); None if the energy is not conserved.
-
-    Example:
-        >>> import bseries as bs, numpy as np
-        >>> gradient(bs.scene("pendulum"))(np.array([[1.0], [0.0]])).ravel().tolist()
-        [1.0, 0.0]
-    """
+    """∇H as a function of many points (variables, n); None if the energy is not conserved."""
     if not scene.is_hamiltonian:
         return None
     from integrators import method

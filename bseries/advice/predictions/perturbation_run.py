@@ -67,15 +67,6 @@ def perturbation_run(
 
     `slopes` is ∇H as a function of states, and `span` has the sign of h. There is no result if the span is shorter than
     the time scale and all effects are below the rounding of a step.
-
-    Example:
-        >>> import bseries as bs
-        >>> from bseries.advice.predictions.modified_terms import gradient, modified_terms
-        >>> pendulum = bs.scene("pendulum")
-        >>> terms, slopes = modified_terms(bs.method("rk4"), pendulum), gradient(pendulum)
-        >>> found = perturbation_run(terms, slopes, pendulum.y0, 0.1, 50.0)
-        >>> round(float(found.t[-1]), 9), found.powers, f"{abs(found.changes.sum(axis=0)).max():.0e}"
-        (50.0, (4, 5, 6), '4e-06')
     """
     scene = terms.field.scene
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))

@@ -74,11 +74,6 @@ def candidates(scene: Scene, methods: Methods = AUTO) -> tuple[list[Candidate], 
     """The methods of a selection that fit a scene, and the reasons why others do not, by name; see `work_precision`.
 
     ``"all"`` are those of the catalogue without parameters, of families those with few stages.
-
-    Example:
-        >>> import bseries as bs
-        >>> [candidate.name for candidate in candidates(bs.scene("lorenz"))[0]][:3]
-        ['rk4', 'dormand-prince54', 'tsit5']
     """
     left_out = dict[str, str]()
     found = []
@@ -139,12 +134,6 @@ class DenseReference:
 
     Raises:
         IntegratorError: The solution ends early, or is not accurate enough over the span.
-
-    Example:
-        >>> import bseries as bs, math
-        >>> solution = DenseReference(bs.scene("linear"), [1.0, 0.0], 10.0)
-        >>> bool(abs(solution([math.pi])[:, 0] + [1, 0]).max() < 1e-13)
-        True
     """
 
     def __init__(self, scene: Scene, y0: np.ndarray, span: float, allowed: float = 0.0):
@@ -244,15 +233,6 @@ class Judge:
 
     `reference` is the reference solution, accurate to the precision of doubles or a hundredth of the smallest error of
     interest `finest`, if the solution is measured and has one; `problem` says why there is none.
-
-    Example:
-        >>> import bseries as bs
-        >>> from bseries.advice.work_precision.sweeps import candidate
-        >>> pendulum = bs.scene("pendulum")
-        >>> judge = Judge(pendulum, 10.0, ("solution", "energy"))
-        >>> found = judge.run(candidate(pendulum, "stormer-verlet"), 100)
-        >>> f"{found.solution:.1e} {found.energy:.1e}"
-        '3.1e-03 2.8e-02'
     """
 
     def __init__(self, scene: Scene, span: float, measures: tuple[str, ...] = MEASURES, finest: float = 0.0):

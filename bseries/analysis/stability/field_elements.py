@@ -19,6 +19,7 @@ from functools import reduce
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
+from bseries.exact.domains import flint_polynomial
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.polynomials import (
     ONE,
@@ -231,13 +232,8 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
 
 def real_algebraic(domain: Any, elements: Any) -> list[Fraction | RealAlgebraic]:
     """Elements of SymPy's number field; rational ones as `Fraction`s."""
-    from flint import fmpq_poly
-
-    modulus, *residues = (
-        fmpq_poly([to_flint(a) for a in reversed(descending)])
-        for descending in (domain.mod.to_list(), *(element.to_list() for element in elements))
-    )
-    field = NumberField(modulus, domain.ext.as_expr())
+    field = NumberField(flint_polynomial(domain.mod.to_list()), domain.ext.as_expr())
+    residues = (flint_polynomial(element.to_list()) for element in elements)
     return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]
 
 
