@@ -34,27 +34,15 @@ from integrators.compile.lowering import SOURCES
 from integrators.compile.lowering.units import lowered
 from trees.compiled import Kernel, float_kernel
 
-EACH, CHAIN, RING, PAIRS, TABLE = range(5)
+EACH, PAIRS, TABLE = range(3)  # kinds of sites: of a particle and its successor, if any; of pairs; from a table
 
-COUNTS = ("order", "terms", "locals", "polynomials", "tensors", "fields", "dimension")
+COUNTS = ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(7)
 """The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
-TABLES = {
-    "term": 21,
-    "site": 4,
-    "argument": 7,
-    "datum": 2,
-    "instruction": 7,
-    "product": 3,
-    "raised": 1,
-    "level": 1,
-    "contraction": 8,
-    "direction": 1,
-    "use": 3,
-    "child_level": 1,
-    "child": 1,
-    "output": 5,
-}
-"""The tables in `ints`, whose offsets follow the counts, and the width of their rows.
+TABLES = (
+    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
+    CHILD_LEVEL, CHILD, OUTPUT,
+) = range(7, 21)  # fmt: skip
+"""The tables in `ints`, whose offsets follow the counts.
 
 - argument: role, offset, stride, 1 if a difference, role, offset, stride
 - datum: role, first number
@@ -65,23 +53,16 @@ TABLES = {
 - use: 0 or 1 + the child, first output, end
 - output: monomial, role, offset, stride, 0 if negative
 """
-NUMBERS = ("datum_value", "constant", "factor", "factorial", "weight")
+WIDTHS = dict(zip(TABLES, (21, 4, 7, 2, 7, 3, 1, 1, 8, 1, 3, 1, 1, 5), strict=True))
+"""The width of a row in each table."""
+NUMBER_TABLES = DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(21, 26)
 """The tables in `numbers`; their offsets follow in `ints`."""
-
-ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(len(COUNTS))
-(
-    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
-    CHILD_LEVEL, CHILD, OUTPUT,
-) = range(len(COUNTS), len(COUNTS) + len(TABLES))  # fmt: skip
-DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(
-    len(COUNTS) + len(TABLES), len(COUNTS) + len(TABLES) + len(NUMBERS)
-)
 # The columns of a term: its sites; its ranges in other tables; the polynomial of its formula, with its degree, size and
 # offsets of index tables; the numbers of groups of its tensors without and with the fields of children.
 (
     T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_INSTRUCTION, T_INSTRUCTION_END,
     T_RESULT, T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
-) = range(TABLES["term"])  # fmt: skip
+) = range(WIDTHS[TERM])  # fmt: skip
 
 
 class LoweredKernel(Kernel):
@@ -99,7 +80,7 @@ ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
 ROLES = np.uint64(4)
 # Widths of rows, and the offset of the second half of a difference.
 TERM_ROW, INSTRUCTION_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
-    np.uint64(TABLES[name]) for name in ("term", "instruction", "argument", "output", "contraction")
+    np.uint64(WIDTHS[table]) for table in (TERM, INSTRUCTION, ARGUMENT_ROWS, OUTPUT, CONTRACTION)
 )
 SECOND_HALF = np.uint64(4)
 

@@ -90,8 +90,11 @@ class DifferentialRing(GeneratedRing):
         for i, variable in enumerate(self.variables):
             k = self.add_function(variable, lambda j, i=i: self.coerce(int(i == j)))
             self._known[variable] = self.generator(k)
-        self._plan(formulas)
-        self.elements = tuple(map(self.element, formulas))
+        try:
+            self._plan(formulas)
+            self.elements = tuple(map(self.element, formulas))
+        except RecursionError:
+            raise SeriesError("fields must be nested less deeply than the interpreter's limit") from None
 
     def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
         """Find the index of every root and the basic arguments, inner and frequent ones first."""

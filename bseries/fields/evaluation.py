@@ -183,7 +183,7 @@ def _pointer(array: np.ndarray) -> Any:
 def contractions(ints: Any) -> int:
     """The number of contractions in the tables."""
     table = kernels.CONTRACTION
-    return int(ints[table + 1] - ints[table]) // kernels.TABLES["contraction"]
+    return int(ints[table + 1] - ints[table]) // kernels.WIDTHS[table]
 
 
 def build_tables(series: Any, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
