@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from itertools import accumulate, chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from bseries.fields import differential_kernels as kernels
 from bseries.fields import taylor_polynomials
 from bseries.fields.taylor_polynomials import InstructionList, monomial_count
-from integrators.scenes.model.system import VALUE, LocalTerm, System
+from integrators.scenes.model.system import VALUE, LocalTerm, Place, System
 from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
 from trees.table import TreeTable
 
@@ -171,6 +172,7 @@ class TableBuilder:
         self.dimension, self.convert = dimension, convert
         self.order = table.max_order
         self.rows: dict[int, list[Any]] = defaultdict(list)
+        self.places = [np.zeros(0, np.uint64)]
         self.known: dict[Any, int] = {}
         self.child_number = {tree: at for at, tree in enumerate(required.children)}
         self.trees_of: dict[int, list[int]] = defaultdict(list)
@@ -183,34 +185,25 @@ class TableBuilder:
         for tensors in self.required.terms:
             degree = tensors.ranks[0] if tensors.degree is None else min(tensors.ranks[0], tensors.degree)
             variables = len(tensors.term.arguments)
-            program = taylor_polynomials.instruction_list(tensors.term.formula, variables, degree)
+            program = taylor_polynomials.InstructionList(tensors.term.formula, variables, degree)
             self._add_term(tensors, program, degree)
             sums = max(sums, sum(map(len, tensors.outputs)))
             locals_ = max(locals_, variables + len(tensors.term.data))
-            largest = max(largest, program.polynomials * monomial_count(variables, degree))
+            largest = max(largest, len(program.supports) * monomial_count(variables, degree))
         work = (sums, sums + locals_, sums + locals_ + largest)
         counts = (self.order, len(self.required.terms), *work, len(self.required.children), self.dimension)
-        ints = [*counts, *kernels.TABLES, *kernels.NUMBER_TABLES]  # offsets, which are set below
-        numbers: list[Any] = []
-        for table, width in kernels.WIDTHS.items():
-            ints[table] = len(ints)
-            rows = self.rows[table]
-            ints += rows if width == 1 else [entry for row in rows for entry in row]
-        for table in kernels.NUMBER_TABLES:
-            ints[table] = len(numbers)
-            numbers += map(self.convert, self.rows[table])
-        return np.array(ints, np.uint64), numbers
+        tables = [np.array(self.rows[table], np.uint64).ravel() for table in kernels.TABLES if table != kernels.PLACE]
+        tables.append(np.concatenate(self.places))
+        sizes = [len(counts) + len(kernels.TABLES) + len(kernels.NUMBER_TABLES), *map(len, tables)]
+        number_sizes = [0, *(len(self.rows[table]) for table in kernels.NUMBER_TABLES)]
+        head = [*counts, *accumulate(sizes[:-1]), *accumulate(number_sizes[:-1])]
+        numbers = [self.convert(x) for table in kernels.NUMBER_TABLES for x in self.rows[table]]
+        return np.concatenate([np.array(head, np.uint64), *tables]), numbers
 
     def _add_term(self, tensors: TermTensors, program: InstructionList, degree: int) -> None:
         term, rows = tensors.term, self.rows
-        variables = len(term.arguments)
-        arguments, data = len(rows[kernels.ARGUMENT_ROWS]), len(rows[kernels.DATUM_ROWS])
-        for argument in term.arguments:
-            minus = argument.minus
-            rows[kernels.ARGUMENT_ROWS].append((*argument.plus, int(minus is not None), *(minus or argument.plus)))
-        for datum in term.data:
-            rows[kernels.DATUM_ROWS].append((datum.role, len(rows[kernels.DATUM_VALUE])))
-            rows[kernels.DATUM_VALUE] += datum.values
+        variables, first_argument = len(term.arguments), len(rows[kernels.DIFFERENCE])
+        rows[kernels.DIFFERENCE] += [int(argument.minus is not None) for argument in term.arguments]
         first_instruction = len(rows[kernels.INSTRUCTION])
         for instruction in program.instructions:
             begin = self._shared_offset(kernels.PRODUCT, instruction.products)
@@ -222,17 +215,14 @@ class TableBuilder:
         ranges = []  # of outputs, by colour
         for outputs in tensors.outputs:
             begin = len(rows[kernels.OUTPUT])
-            rows[kernels.OUTPUT] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
+            rows[kernels.OUTPUT] += [(output.derivative + 1, int(output.sign > 0)) for output in outputs]
             ranges.append((begin, len(rows[kernels.OUTPUT])))
         groups, children = self._add_contractions(tensors, ranges)
-        sites = term.sites
-        kind = {"pairs": kernels.PAIRS, "table": kernels.TABLE}.get(sites.kind, kernels.EACH)
-        site_row = len(rows[kernels.SITE])
-        rows[kernels.SITE] += [(*row, *(0,) * (kernels.WIDTHS[kernels.SITE] - len(row))) for row in sites.table]
+        first_place = sum(map(len, self.places))
+        self._add_places(tensors)
         rows[kernels.TERM].append(
             (
-                *(kind, sites.count, site_row, sites.size),
-                *(arguments, len(rows[kernels.ARGUMENT_ROWS]), data, len(rows[kernels.DATUM_ROWS])),
+                *(term.sites.size, first_place, first_argument, len(rows[kernels.DIFFERENCE]), len(term.data)),
                 *(first_instruction, len(rows[kernels.INSTRUCTION])),
                 *(program.result, degree, monomial_count(variables, degree)),
                 self._shared_offset(kernels.RAISED, taylor_polynomials.raised_monomials(variables, degree)),
@@ -241,6 +231,18 @@ class TableBuilder:
                 *(len(rows[kernels.LEVEL]) - self.order - 1, len(rows[kernels.CHILD_LEVEL]) - self.order - 1),
             )
         )
+
+    def _add_places(self, tensors: TermTensors) -> None:
+        """Add the places of local variables, outputs and data, for each row of sites."""
+        sites, values = tensors.term.sites, self.rows[kernels.DATUM_VALUE]
+        places = [place for plus, minus in tensors.term.arguments for place in (plus, minus or plus)]
+        places += [output.place for output in chain(*tensors.outputs)]
+        for datum in tensors.term.data:
+            places.append(Place(datum.role, len(values), 1))
+            values += datum.values
+        rows: Any = np.fromiter(chain.from_iterable(sites.rows()), np.int64).reshape(-1, max(1, sites.roles)).T
+        columns: Any = [place.at(rows) for place in places]
+        self.places.append(np.stack(columns, axis=1).astype(np.uint64).ravel())
 
     def _shared_offset(self, table: int, values: tuple[Any, ...]) -> int:
         """The offset of values in a table, where equal values are stored once."""

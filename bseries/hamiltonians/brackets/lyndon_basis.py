@@ -10,10 +10,8 @@ tanh(ad_A/2) of the odd ones, and [A, P_x] = P_Ax.
 
 from __future__ import annotations
 
-import gc
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any
@@ -26,19 +24,6 @@ MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further lett
 PRIME = 2**31 - 1  # checks the results modulo 2^64
 
 
-@contextmanager
-def _collecting_later() -> Iterator[None]:
-    """No search for garbage: it would visit the new tuples and fractions again and again, for a quarter of the time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
-@_collecting_later()
 def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict[tuple[str, ...], Fraction]]:
     """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word."""
     import numpy as np
@@ -125,8 +110,7 @@ class LyndonWords:
         self.lengths, self.left, self.right = np.zeros((3, sum(counts)), np.int32)
         self.codes = np.zeros(sum(counts), np.int64)
         self.place = np.empty(2 ** (length + 1), np.int32)
-        self.norms = np.zeros(sum(counts))
-        lyndon_words.compiled(length, self.place, self.lengths, self.codes, self.left, self.right, self.norms)
+        lyndon_words.compiled(length, self.place, self.lengths, self.codes, self.left, self.right)
 
     def of_length(self, n: int) -> range:
         """The indices of the words with n letters."""
@@ -184,9 +168,12 @@ def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
     found = np.empty((len(members), 2), np.int64)
     tables = letters, operands(longer + 2, start), operands(members, np.zeros_like(members))
     solve_class.compiled(members, n, words.codes, *tables, wanted, wanted % PRIME, PRIME, work, found)
-    # Two integers below `bound` in size that agree modulo 2^64 and modulo the prime are equal.
-    bound = float(np.abs(wanted).max()) * words.norms[members].max() * (1 + 2.0**-20)
-    if not 2 * bound < 2.0**64 * PRIME or (found[:, 0] % PRIME != found[:, 1]).any():
+    # With the dual basis S, c_x = Σ_w ⟨S_x, w⟩ w_x. For x = av with a letter a and a product v of Lyndon words l_i, S_x
+    # is a times the shuffle product of the S_(l_i), divided by k! for k equal factors (C. Reutenauer, *Free Lie
+    # Algebras*, theorem 5.3), so that its coefficients are positive, with the sum (n − 1)! at most. Two integers below
+    # `bound` in size that agree modulo 2^64 and modulo the prime are equal.
+    bound = int(np.abs(wanted).max()) * math.factorial(n - 1)
+    if 2 * bound >= 2**64 * PRIME or (found[:, 0] % PRIME != found[:, 1]).any():
         raise ArithmeticError(f"coordinates of degree {n} do not fit into 64 bits")
     return found[:, 0]
 
@@ -195,13 +182,10 @@ LANES = 64  # words that are treated at once; LLVM does not vectorise loops over
 
 
 @kernel
-def lyndon_words(length, place, lengths, codes, left, right, norms):
+def lyndon_words(length, place, lengths, codes, left, right):
     """List the Lyndon words of up to `length` letters by length and code, with their standard factors.
 
-    ``place[2^n + code]`` becomes the index of a word of n letters, −1 if it is no Lyndon word. `norms` are the sums of
-    the coefficients, all positive, of the dual basis S: c_x = Σ_w ⟨S_x, w⟩ w_x is at most norm · max |w_x|. For x = av
-    with a letter a and a product v of Lyndon words l_1 ≥ l_2 ≥ …, S_x is a times the shuffle product of the S_(l_i),
-    divided by k! for k equal factors (C. Reutenauer, *Free Lie Algebras*, theorem 5.3).
+    ``place[2^n + code]`` becomes the index of a word of n letters, −1 if it is no Lyndon word.
     """
     place[:] = -1
     count = 0
@@ -216,26 +200,7 @@ def lyndon_words(length, place, lengths, codes, left, right, norms):
                 if n > 1:
                     left[count] = place[(1 << (n - cut)) + (code >> cut)]
                     right[count] = place[(1 << cut) + (code & ((1 << cut) - 1))]
-                norms[count] = _dual_norm(code & ((1 << (n - 1)) - 1), n - 1, place, norms)
                 count += 1
-
-
-@kernel
-def _dual_norm(code, n, place, norms):
-    """The sum of the coefficients of S_v for any word v of n letters."""
-    norm, last, equal = 1.0, -1, 0
-    while n > 0:
-        cut = n  # letters of the longest Lyndon prefix
-        while place[(1 << cut) + (code >> (n - cut))] < 0:
-            cut -= 1
-        factor = place[(1 << cut) + (code >> (n - cut))]
-        equal = equal + 1 if factor == last else 1
-        norm *= norms[factor] / equal
-        for k in range(cut):  # the binomial coefficient of n and cut
-            norm *= (n - k) / (k + 1)
-        n, last = n - cut, factor
-        code &= (1 << n) - 1
-    return norm
 
 
 @kernel
