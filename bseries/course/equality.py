@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.fields.polynomials import TooLarge
 
 if TYPE_CHECKING:
     import sympy
@@ -89,7 +88,7 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
         zeros = [ring.derivative(difference, i) for i in range(len(symbols))] if constant else [difference]
         if all(map(ring.is_zero, zeros)):
             return EXACTLY
-    except (TooLarge, SeriesError):
+    except SeriesError:
         pass
     is_small_number = not constant and (first - second).is_zero is False  # which no digits tell
     return "" if is_small_number else AT_POINTS

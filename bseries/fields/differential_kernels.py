@@ -34,54 +34,32 @@ from integrators.compile.lowering import SOURCES
 from integrators.compile.lowering.units import lowered
 from trees.compiled import Kernel, float_kernel
 
-EACH, CHAIN, RING, PAIRS, TABLE = range(5)
-
-COUNTS = ("order", "terms", "locals", "polynomials", "tensors", "fields", "dimension")
+COUNTS = ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(7)
 """The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
-TABLES = {
-    "term": 21,
-    "site": 4,
-    "argument": 7,
-    "datum": 2,
-    "instruction": 7,
-    "product": 3,
-    "raised": 1,
-    "level": 1,
-    "contraction": 8,
-    "direction": 1,
-    "use": 3,
-    "child_level": 1,
-    "child": 1,
-    "output": 5,
-}
-"""The tables in `ints`, whose offsets follow the counts, and the width of their rows.
+TABLES = (
+    TERM, DIFFERENCE, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE, CHILD_LEVEL, CHILD, OUTPUT,
+    PLACE,
+) = range(7, 20)  # fmt: skip
+"""The tables in `ints`, whose offsets follow the counts.
 
-- argument: role, offset, stride, 1 if a difference, role, offset, stride
-- datum: role, first number
+- difference: 1 for a local variable that is a difference, 0 for others
 - instruction: operation, result, operands, first product, end, first factor
 - product: α, β, γ with x^α = x^β x^γ, by |α|; raised: x^α x_l
 - level, child_level: offsets of contractions and children by order
 - contraction: left, own, size, child, first direction, end, first use, end
 - use: 0 or 1 + the child, first output, end
-- output: monomial, role, offset, stride, 0 if negative
+- output: monomial, 0 if negative
+- place: for each row of sites the places in the state of the local variables (and of what is subtracted, or the same
+  again) and of the outputs, and those of the data in `numbers`
 """
-NUMBERS = ("datum_value", "constant", "factor", "factorial", "weight")
+NUMBER_TABLES = DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(20, 25)
 """The tables in `numbers`; their offsets follow in `ints`."""
-
-ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(len(COUNTS))
-(
-    TERM, SITE, ARGUMENT_ROWS, DATUM_ROWS, INSTRUCTION, PRODUCT, RAISED, LEVEL, CONTRACTION, DIRECTION, USE,
-    CHILD_LEVEL, CHILD, OUTPUT,
-) = range(len(COUNTS), len(COUNTS) + len(TABLES))  # fmt: skip
-DATUM_VALUE, NUMBER, FACTOR, FACTORIAL, WEIGHT = range(
-    len(COUNTS) + len(TABLES), len(COUNTS) + len(TABLES) + len(NUMBERS)
-)
-# The columns of a term: its sites; its ranges in other tables; the polynomial of its formula, with its degree, size and
-# offsets of index tables; the numbers of groups of its tensors without and with the fields of children.
-(
-    T_KIND, T_COUNT, T_SITE, T_ROWS, T_ARGUMENT, T_ARGUMENT_END, T_DATUM, T_DATUM_END, T_INSTRUCTION, T_INSTRUCTION_END,
-    T_RESULT, T_DEGREE, T_SIZE, T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
-) = range(TABLES["term"])  # fmt: skip
+# The columns of a term: its rows of sites; its ranges in other tables; the polynomial of its formula, with its degree,
+# size and offsets of index tables; the numbers of groups of its tensors without and with the fields of children.
+TERM_COLUMNS = (
+    T_ROWS, T_PLACE, T_ARGUMENT, T_ARGUMENT_END, T_DATA, T_INSTRUCTION, T_INSTRUCTION_END, T_RESULT, T_DEGREE, T_SIZE,
+    T_RAISED, T_FACTORIAL, T_SLOTS, T_GROUPS, T_OUTPUT, T_OUTPUT_END, T_LEVEL, T_CHILD,
+) = range(18)  # fmt: skip
 
 
 class LoweredKernel(Kernel):
@@ -96,44 +74,7 @@ class LoweredKernel(Kernel):
 numba_kernel = partial(float_kernel, sources=(taylor_polynomials, *SOURCES))
 
 ZERO, ONE, TWO = np.uint64(0), np.uint64(1), np.uint64(2)
-ROLES = np.uint64(4)
-# Widths of rows, and the offset of the second half of a difference.
-TERM_ROW, INSTRUCTION_ROW, ARGUMENT_ROW, OUTPUT_ROW, CONTRACTION_ROW = (
-    np.uint64(TABLES[name]) for name in ("term", "instruction", "argument", "output", "contraction")
-)
-SECOND_HALF = np.uint64(4)
-
-
-@LoweredKernel
-def list_sites(ints, term, points, lane, sites, point, lanes):
-    """List the site and the point of every row of a term, point by point."""
-    kind, count, rows = ints[term + T_KIND], ints[term + T_COUNT], ints[term + T_ROWS]
-    for p in range(points):
-        i = ZERO
-        j = ONE
-        for row in range(rows):
-            at = lane * ROLES
-            point[lane] = p
-            lane += ONE
-            if kind == TABLE:
-                for role in range(ROLES):
-                    sites[at + role] = ints[ints[SITE] + (ints[term + T_SITE] + row) * ROLES + role]
-            elif kind == PAIRS:
-                sites[at] = i
-                sites[at + ONE] = j
-                j += ONE
-                if j == count:
-                    i += ONE
-                    j = i + ONE
-            else:
-                sites[at] = row
-                sites[at + ONE] = ZERO if row + ONE == count else row + ONE
-    # Pad the last group with copies of its last row, whose results are not used.
-    while lane % lanes != ZERO:
-        point[lane] = point[lane - ONE]
-        for role in range(ROLES):
-            sites[lane * ROLES + role] = sites[(lane - ONE) * ROLES + role]
-        lane += ONE
+TERM_ROW, INSTRUCTION_ROW, CONTRACTION_ROW = np.uint64(len(TERM_COLUMNS)), np.uint64(7), np.uint64(8)  # widths of rows
 
 
 @LoweredKernel
@@ -284,23 +225,23 @@ def evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes):
 
 
 @LoweredKernel
-def list_places(ints, term, place, lane, sites, point, places, lanes):
-    """List the indices of the local variables and outputs of a group of rows in a vector of all points."""
-    dimension = ints[DIMENSION]
-    at = place * lanes
-    for k in range(ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]):
-        for half in range(TWO):
-            row = ints[ARGUMENT_ROWS] + k * ARGUMENT_ROW + half * SECOND_HALF
-            for w in range(lanes):
-                site = sites[(lane + w) * ROLES + ints[row]]
-                places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
-                at += ONE
-    for output in range(ints[term + T_OUTPUT], ints[term + T_OUTPUT_END]):
-        row = ints[OUTPUT] + OUTPUT_ROW * output + ONE
-        for w in range(lanes):
-            site = sites[(lane + w) * ROLES + ints[row]]
-            places[at] = point[lane + w] * dimension + ints[row + ONE] + ints[row + TWO] * site
-            at += ONE
+def list_places(A, ints, numbers, term, points, row, data, places, place, lanes):
+    """List the places of a group of rows of all points, beginning with `row`, and gather their data."""
+    rows, dimension = ints[term + T_ROWS], ints[DIMENSION]
+    count = TWO * (ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT])
+    count += ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT]
+    first, shift, site = ints[PLACE] + ints[term + T_PLACE], row // rows * dimension, row % rows
+    for w in range(lanes):
+        at = first + site * (count + ints[term + T_DATA])
+        for k in range(count):
+            places[(place + k) * lanes + w] = shift + ints[at + k]
+        for k in range(ints[term + T_DATA]):
+            A[(data + k) * lanes + w] = numbers[ints[DATUM_VALUE] + ints[at + count + k]]
+        if row + w + ONE < points * rows:  # otherwise the last row fills the group up
+            site += ONE
+            if site == rows:
+                site = ZERO
+                shift += dimension
 
 
 @LoweredKernel
@@ -308,23 +249,12 @@ def gather(A, ints, values, vector, to, first, last, places, place, lanes):
     """Gather the local variables of a group of rows from one vector."""
     for k in range(first, last):
         at, plus = (to + k - first) * lanes, (place + TWO * (k - first)) * lanes
-        if ints[ints[ARGUMENT_ROWS] + k * ARGUMENT_ROW + 3] == ZERO:
+        if ints[ints[DIFFERENCE] + k] == ZERO:
             for w in range(lanes):
                 A[at + w] = values[vector, places[plus + w]]
         else:
             for w in range(lanes):
                 A[at + w] = values[vector, places[plus + w]] - values[vector, places[plus + lanes + w]]
-
-
-@LoweredKernel
-def gather_data(A, ints, numbers, term, to, lane, sites, lanes):
-    """Gather the data of the sites of a group of rows."""
-    begin = ints[term + T_DATUM]
-    for k in range(begin, ints[term + T_DATUM_END]):
-        row = ints[DATUM_ROWS] + TWO * k
-        first = ints[DATUM_VALUE] + ints[row + ONE]
-        for w in range(lanes):
-            A[(to + k - begin) * lanes + w] = numbers[first + sites[(lane + w) * ROLES + ints[row]]]
 
 
 @LoweredKernel
@@ -354,13 +284,12 @@ def contract(A, ints, left, own, size, child, variables, shape, first, last, lan
 
 
 @LoweredKernel
-def begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes):
+def begin_group(A, ints, numbers, term, y, base, points, row, places, place, lanes):
     """Compute the tensors of the single node: all derivatives of the term's formula."""
     x, polynomials, size = ints[LOCALS], ints[POLYNOMIALS], ints[term + T_SIZE]
     first, last = ints[term + T_ARGUMENT], ints[term + T_ARGUMENT_END]
-    list_places(ints, term, place, lane, sites, point, places, lanes)
+    list_places(A, ints, numbers, term, points, row, x + last - first, places, place, lanes)
     gather(A, ints, y, ZERO, x, first, last, places, place, lanes)
-    gather_data(A, ints, numbers, term, x + last - first, lane, sites, lanes)
     evaluate_polynomials(A, ints, numbers, term, polynomials, x, lanes)
     result = polynomials + ints[term + T_RESULT] * size
     for k in range(size):
@@ -392,38 +321,36 @@ def sweep_group(A, ints, numbers, term, n, out, fields, base, rows, places, plac
             at = ints[USE] + use + TWO * use
             target, weight = ints[at], numbers[ints[WEIGHT] + use]
             for output in range(ints[at + ONE], ints[at + TWO]):
-                traits = ints[OUTPUT] + OUTPUT_ROW * output
+                traits = ints[OUTPUT] + TWO * output
                 entry = own + ints[traits]
                 if target != ZERO:
-                    scatter(A, entry, ints[traits + 4], fields, target - ONE, rows, places, goal + output, lanes)
+                    scatter(A, entry, ints[traits + ONE], fields, target - ONE, rows, places, goal + output, lanes)
                 else:
                     i, x = (output - first) * lanes, entry * lanes
                     for w in range(lanes):
                         A[i + w] += weight * A[x + w]
     for output in range(first, stop):
-        positive = ints[ints[OUTPUT] + OUTPUT_ROW * output + 4]
+        positive = ints[ints[OUTPUT] + TWO * output + ONE]
         scatter(A, output - first, positive, out, n - ONE, rows, places, goal + output, lanes)
 
 
 @LoweredKernel
-def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes):
+def sweep(y, out, fields, A, places, points, ints, numbers, lanes):
     """Add Σ_{|τ|=n} weight(τ) F(τ)(y) to out[n − 1], for n = 1 … order.
 
     `y` is one row with all points. `fields` has a row for each child and `out` one for each order, both initially
-    zero; `sites`, `point` and `places` are filled here.
+    zero; `places` is filled here.
     """
     for n in range(ONE, ints[ORDER] + ONE):
-        lane, base, place = ZERO, ints[TENSORS], ZERO
+        base, place = ints[TENSORS], ZERO
         for t in range(ints[TERMS]):
             term = ints[TERM] + TERM_ROW * t
-            if n == ONE:
-                list_sites(ints, term, points, lane, sites, point, lanes)
-            last = lane + points * ints[term + T_ROWS]
-            while lane < last:
+            row, last = ZERO, points * ints[term + T_ROWS]
+            while row < last:
                 if n == ONE:
-                    begin_group(A, ints, numbers, term, y, base, lane, sites, point, places, place, lanes)
-                sweep_group(A, ints, numbers, term, n, out, fields, base, min(lanes, last - lane), places, place, lanes)
-                lane += lanes
+                    begin_group(A, ints, numbers, term, y, base, points, row, places, place, lanes)
+                sweep_group(A, ints, numbers, term, n, out, fields, base, min(lanes, last - row), places, place, lanes)
+                row += lanes
                 base += ints[term + T_GROUPS]
                 place += TWO * (ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT])
                 place += ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT]
@@ -431,25 +358,23 @@ def sweep(y, out, fields, A, sites, point, places, points, ints, numbers, lanes)
 
 @numba_kernel
 def workspace(ints, points, lanes):
-    """Workspace for a number of points: rows of sites, groups of numbers, groups of indices."""
-    rows, groups, entries = ZERO, ints[TENSORS], ZERO
+    """Workspace for a number of points: groups of numbers, groups of indices."""
+    groups, entries = ints[TENSORS], ZERO
     for t in range(ints[TERMS]):
         term = ints[TERM] + TERM_ROW * t
         count = (points * ints[term + T_ROWS] + lanes - ONE) // lanes
-        rows += count * lanes
         groups += count * ints[term + T_GROUPS]
         entries += count * (TWO * (ints[term + T_ARGUMENT_END] - ints[term + T_ARGUMENT]))
         entries += count * (ints[term + T_OUTPUT_END] - ints[term + T_OUTPUT])
-    return rows, groups, entries
+    return groups, entries
 
 
 @numba_kernel
 def evaluate_many(y, out, chunk, ints, numbers, lanes):
     """Evaluate the terms at many points, in chunks: `y` has a row for each point, `out` for each order and point."""
     dimension, points = y.shape[1], np.uint64(chunk)
-    rows, groups, entries = workspace(ints, points, lanes)
+    groups, entries = workspace(ints, points, lanes)
     A, places = np.empty(groups * lanes), np.empty(entries * lanes, np.uint64)
-    sites, point = np.empty(rows * ROLES, np.uint64), np.empty(rows, np.uint64)
     fields = np.empty((ints[FIELDS], chunk * dimension))
     terms, some = np.empty((out.shape[0], chunk * dimension)), np.empty((1, chunk * dimension))
     for first in range(0, y.shape[0], chunk):
@@ -457,7 +382,7 @@ def evaluate_many(y, out, chunk, ints, numbers, lanes):
         fields[:], terms[:] = 0, 0
         for k in range(size * dimension):
             some[0, k] = y[first + k // dimension, k % dimension]
-        sweep(some, terms, fields, A, sites, point, places, np.uint64(size), ints, numbers, lanes)
+        sweep(some, terms, fields, A, places, np.uint64(size), ints, numbers, lanes)
         for n in range(out.shape[0]):
             for k in range(size * dimension):
                 out[n, first + k // dimension, k % dimension] = terms[n, k]

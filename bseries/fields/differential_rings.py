@@ -90,8 +90,11 @@ class DifferentialRing(GeneratedRing):
         for i, variable in enumerate(self.variables):
             k = self.add_function(variable, lambda j, i=i: self.coerce(int(i == j)))
             self._known[variable] = self.generator(k)
-        self._plan(formulas)
-        self.elements = tuple(map(self.element, formulas))
+        try:
+            self._plan(formulas)
+            self.elements = tuple(map(self.element, formulas))
+        except RecursionError:
+            raise SeriesError("fields must be nested less deeply than the interpreter's limit") from None
 
     def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
         """Find the index of every root and the basic arguments, inner and frequent ones first."""
@@ -99,8 +102,8 @@ class DifferentialRing(GeneratedRing):
         for part in (part for formula in formulas for part in sympy.preorder_traversal(formula)):
             if isinstance(part, sympy.Pow):
                 power: Any = part.exp.as_coeff_Add()[0]
-                primes = prime_factors(int(part.base)) if _is_positive_integer(part.base) else [(part.base, 1)]
-                for base, _ in primes:
+                bases = dict(prime_factors(int(part.base))) if _is_positive_integer(part.base) else [part.base]
+                for base in bases:
                     self.indices[base] = math.lcm(self.indices.get(base, 1), power.q if power.is_Rational else 1)
             elif name := _name(part):
                 arguments[_depth(part), name, part.args[0]] += 1

@@ -11,14 +11,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from itertools import accumulate, chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from bseries.fields import differential_kernels as kernels
 from bseries.fields import taylor_polynomials
-from bseries.fields.differential_kernels import CHAIN, COUNTS, EACH, NUMBERS, PAIRS, RING, TABLE, TABLES
 from bseries.fields.taylor_polynomials import InstructionList, monomial_count
-from integrators.scenes.model.system import VALUE, LocalTerm, System
+from integrators.scenes.model.system import VALUE, LocalTerm, Place, System
 from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
 from trees.table import TreeTable
 
@@ -152,9 +153,6 @@ def find_required_tensors(
     return RequiredTensors([term for term in terms if term.ranks], children, forests)
 
 
-SITE_KINDS = {"single": EACH, "each": EACH, "chain": CHAIN, "ring": RING, "pairs": PAIRS, "table": TABLE}
-
-
 class TableBuilder:
     """Builder of the tables that the kernels read, term by term.
 
@@ -173,7 +171,8 @@ class TableBuilder:
         self.table, self.required, self.weights = table, required, weights
         self.dimension, self.convert = dimension, convert
         self.order = table.max_order
-        self.rows: dict[str, list[Any]] = defaultdict(list)
+        self.rows: dict[int, list[Any]] = defaultdict(list)
+        self.places = [np.zeros(0, np.uint64)]
         self.known: dict[Any, int] = {}
         self.child_number = {tree: at for at, tree in enumerate(required.children)}
         self.trees_of: dict[int, list[int]] = defaultdict(list)
@@ -186,70 +185,71 @@ class TableBuilder:
         for tensors in self.required.terms:
             degree = tensors.ranks[0] if tensors.degree is None else min(tensors.ranks[0], tensors.degree)
             variables = len(tensors.term.arguments)
-            program = taylor_polynomials.instruction_list(tensors.term.formula, variables, degree)
+            program = taylor_polynomials.InstructionList(tensors.term.formula, variables, degree)
             self._add_term(tensors, program, degree)
             sums = max(sums, sum(map(len, tensors.outputs)))
             locals_ = max(locals_, variables + len(tensors.term.data))
-            largest = max(largest, program.polynomials * monomial_count(variables, degree))
+            largest = max(largest, len(program.supports) * monomial_count(variables, degree))
         work = (sums, sums + locals_, sums + locals_ + largest)
         counts = (self.order, len(self.required.terms), *work, len(self.required.children), self.dimension)
-        ints = [*counts, *(0,) * (len(TABLES) + len(NUMBERS))]
-        numbers: list[Any] = []
-        for at, (name, width) in enumerate(TABLES.items(), len(COUNTS)):
-            ints[at] = len(ints)
-            rows = self.rows[name]
-            ints += rows if width == 1 else [entry for row in rows for entry in row]
-        for at, name in enumerate(NUMBERS, len(COUNTS) + len(TABLES)):
-            ints[at] = len(numbers)
-            numbers += map(self.convert, self.rows[name])
-        return np.array(ints, np.uint64), numbers
+        tables = [np.array(self.rows[table], np.uint64).ravel() for table in kernels.TABLES if table != kernels.PLACE]
+        tables.append(np.concatenate(self.places))
+        sizes = [len(counts) + len(kernels.TABLES) + len(kernels.NUMBER_TABLES), *map(len, tables)]
+        number_sizes = [0, *(len(self.rows[table]) for table in kernels.NUMBER_TABLES)]
+        head = [*counts, *accumulate(sizes[:-1]), *accumulate(number_sizes[:-1])]
+        numbers = [self.convert(x) for table in kernels.NUMBER_TABLES for x in self.rows[table]]
+        return np.concatenate([np.array(head, np.uint64), *tables]), numbers
 
     def _add_term(self, tensors: TermTensors, program: InstructionList, degree: int) -> None:
         term, rows = tensors.term, self.rows
-        variables = len(term.arguments)
-        arguments, data = len(rows["argument"]), len(rows["datum"])
-        for argument in term.arguments:
-            minus = argument.minus
-            rows["argument"].append((*argument.plus, int(minus is not None), *(minus or argument.plus)))
-        for datum in term.data:
-            rows["datum"].append((datum.role, len(rows["datum_value"])))
-            rows["datum_value"] += datum.values
-        first_instruction = len(rows["instruction"])
+        variables, first_argument = len(term.arguments), len(rows[kernels.DIFFERENCE])
+        rows[kernels.DIFFERENCE] += [int(argument.minus is not None) for argument in term.arguments]
+        first_instruction = len(rows[kernels.INSTRUCTION])
         for instruction in program.instructions:
-            begin = self._shared_offset("product", instruction.products)
-            factor = len(rows["factor"])
-            rows["factor"] += taylor_polynomials.factors(instruction, variables, degree)
+            begin = self._shared_offset(kernels.PRODUCT, instruction.products)
+            factor = len(rows[kernels.FACTOR])
+            rows[kernels.FACTOR] += taylor_polynomials.factors(instruction, variables, degree)
             operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
-            rows["instruction"].append((*operands, begin, begin + len(instruction.products), factor))
-            rows["constant"].append(0 if instruction.number is None else instruction.number)
+            rows[kernels.INSTRUCTION].append((*operands, begin, begin + len(instruction.products), factor))
+            rows[kernels.NUMBER].append(0 if instruction.number is None else instruction.number)
         ranges = []  # of outputs, by colour
         for outputs in tensors.outputs:
-            begin = len(rows["output"])
-            rows["output"] += [(output.derivative + 1, *output.place, int(output.sign > 0)) for output in outputs]
-            ranges.append((begin, len(rows["output"])))
+            begin = len(rows[kernels.OUTPUT])
+            rows[kernels.OUTPUT] += [(output.derivative + 1, int(output.sign > 0)) for output in outputs]
+            ranges.append((begin, len(rows[kernels.OUTPUT])))
         groups, children = self._add_contractions(tensors, ranges)
-        sites = term.sites
-        site_row = len(rows["site"])
-        rows["site"] += [(*row, *(0,) * (TABLES["site"] - len(row))) for row in sites.table]
-        rows["term"].append(
+        first_place = sum(map(len, self.places))
+        self._add_places(tensors)
+        rows[kernels.TERM].append(
             (
-                *(SITE_KINDS[sites.kind], sites.count, site_row, sites.size),
-                *(arguments, len(rows["argument"]), data, len(rows["datum"])),
-                *(first_instruction, len(rows["instruction"])),
+                *(term.sites.size, first_place, first_argument, len(rows[kernels.DIFFERENCE]), len(term.data)),
+                *(first_instruction, len(rows[kernels.INSTRUCTION])),
                 *(program.result, degree, monomial_count(variables, degree)),
-                self._shared_offset("raised", taylor_polynomials.raised_monomials(variables, degree)),
-                self._shared_offset("factorial", taylor_polynomials.factorials(variables, degree)),
+                self._shared_offset(kernels.RAISED, taylor_polynomials.raised_monomials(variables, degree)),
+                self._shared_offset(kernels.FACTORIAL, taylor_polynomials.factorials(variables, degree)),
                 *(groups, groups + len(children) * variables, ranges[0][0], ranges[-1][1]),
-                *(len(rows["level"]) - self.order - 1, len(rows["child_level"]) - self.order - 1),
+                *(len(rows[kernels.LEVEL]) - self.order - 1, len(rows[kernels.CHILD_LEVEL]) - self.order - 1),
             )
         )
 
-    def _shared_offset(self, name: str, values: tuple[Any, ...]) -> int:
+    def _add_places(self, tensors: TermTensors) -> None:
+        """Add the places of local variables, outputs and data, for each row of sites."""
+        sites, values = tensors.term.sites, self.rows[kernels.DATUM_VALUE]
+        places = [place for plus, minus in tensors.term.arguments for place in (plus, minus or plus)]
+        places += [output.place for output in chain(*tensors.outputs)]
+        for datum in tensors.term.data:
+            places.append(Place(datum.role, len(values), 1))
+            values += datum.values
+        rows: Any = np.fromiter(chain.from_iterable(sites.rows()), np.int64).reshape(-1, max(1, sites.roles)).T
+        columns: Any = [place.at(rows) for place in places]
+        self.places.append(np.stack(columns, axis=1).astype(np.uint64).ravel())
+
+    def _shared_offset(self, table: int, values: tuple[Any, ...]) -> int:
         """The offset of values in a table, where equal values are stored once."""
-        if (name, values) not in self.known:
-            self.known[name, values] = len(self.rows[name])
-            self.rows[name] += values
-        return self.known[name, values]
+        if (table, values) not in self.known:
+            self.known[table, values] = len(self.rows[table])
+            self.rows[table] += values
+        return self.known[table, values]
 
     def _add_contractions(self, tensors: TermTensors, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
         """Add the contractions by order, none for the single node; returns the numbers of groups and the children."""
@@ -258,12 +258,12 @@ class TableBuilder:
         children = sorted({forests.right[forest] for forest in wanted if forest})
         local = {tree: at for at, tree in enumerate(children)}
         orders, colors = self.table.lists[:2]
-        directions = [(self._shared_offset("direction", chosen), len(chosen)) for chosen in tensors.directions]
+        directions = [(self._shared_offset(kernels.DIRECTION, chosen), len(chosen)) for chosen in tensors.directions]
         offset, groups = self._offsets(tensors, wanted)
-        rows["level"].append(len(rows["contraction"]))
+        rows[kernels.LEVEL].append(len(rows[kernels.CONTRACTION]))
         for n in range(1, self.order + 1):
             for forest in (forest for forest in wanted if forests.order[forest] == n):
-                uses = len(rows["use"])
+                uses = len(rows[kernels.USE])
                 self._add_uses(tensors, forest, ranges)
                 contraction = 0, 0, 0, 0, 0, 0
                 if forest:
@@ -271,11 +271,11 @@ class TableBuilder:
                     first, count = directions[colors[right]]
                     size = tensors.size(forests, forest)
                     contraction = offset[forests.left[forest]], offset[forest], size, local[right], first, first + count
-                rows["contraction"].append((*contraction, uses, len(rows["use"])))
-            rows["level"].append(len(rows["contraction"]))
-        begin = len(rows["child"])
-        rows["child"] += [self.child_number[tree] for tree in children]
-        rows["child_level"] += [begin + sum(orders[tree] < n for tree in children) for n in range(self.order + 1)]
+                rows[kernels.CONTRACTION].append((*contraction, uses, len(rows[kernels.USE])))
+            rows[kernels.LEVEL].append(len(rows[kernels.CONTRACTION]))
+        begin = len(rows[kernels.CHILD])
+        rows[kernels.CHILD] += [self.child_number[tree] for tree in children]
+        rows[kernels.CHILD_LEVEL] += [begin + sum(orders[tree] < n for tree in children) for n in range(self.order + 1)]
         return groups, children
 
     def _offsets(self, tensors: TermTensors, wanted: list[int]) -> tuple[dict[int, int], int]:
@@ -300,8 +300,8 @@ class TableBuilder:
             if tensors.rank_for(self.required.forests, forest, colors[tree]) is None:
                 continue
             if self.weights[tree] != 0:
-                self.rows["use"].append((0, first, last))
-                self.rows["weight"].append(self.weights[tree])
+                self.rows[kernels.USE].append((0, first, last))
+                self.rows[kernels.WEIGHT].append(self.weights[tree])
             if tree in self.child_number:
-                self.rows["use"].append((1 + self.child_number[tree], first, last))
-                self.rows["weight"].append(0)
+                self.rows[kernels.USE].append((1 + self.child_number[tree], first, last))
+                self.rows[kernels.WEIGHT].append(0)

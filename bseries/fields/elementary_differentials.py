@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from numbers import Real
 from typing import Any, TypeAlias
 
 import sympy
@@ -13,7 +11,7 @@ import sympy
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.polynomials import Element, TooLarge
+from bseries.fields.polynomials import Element
 from trees.counting import check_order
 from trees.tree import Tree
 
@@ -21,8 +19,6 @@ Key: TypeAlias = tuple[int, tuple[int, ...]]
 Tensor: TypeAlias = dict[Key, Element]
 """{(component, α): T_α}, with the multi-index α as an ascending list of variables."""
 
-
-Fields: TypeAlias = Iterable[Iterable[sympy.Expr | int | float | Fraction]]
 Formulas: TypeAlias = tuple[sympy.Expr, ...]
 
 
@@ -110,31 +106,30 @@ class SymbolicSeries:
     """
 
     def __init__(
-        self, series: BSeries, fields: Fields, variables: Iterable[sympy.Symbol], *, limit: int = MOST_MONOMIALS
+        self,
+        series: BSeries,
+        fields: Sequence[Sequence[sympy.Expr]],
+        variables: Sequence[sympy.Symbol],
+        *,
+        limit: int = MOST_MONOMIALS,
     ):
-        self.series, self._limit = series, limit
+        self.series = series
         self._coefficients = series.coefficients()
-        rows, symbols = _checked(fields, variables, series.table.colors)
-        formulas = [formula for row in rows for formula in row]
+        formulas = [formula for field in fields for formula in field]
         digits = None if series.is_exact else FLOAT_DIGITS
         if series.digits is not None:
             digits = max(1, min(series.digits - 1, FLOAT_DIGITS))  # one less than those of rounded decimals
         if digits is None and any(formula.has(sympy.Float) for formula in formulas):
             digits = FLOAT_DIGITS
         irrational = [x for x in self._coefficients if not isinstance(x, Fraction | float)]
-        with refusing_large(limit):
-            self.ring = DifferentialRing([*formulas, *irrational], symbols, limit=limit, digits=digits)
-            """The ring of the formulas."""
-            self._towers = DerivativeTowers(
-                self.ring, [[self.ring.element(formula) for formula in row] for row in rows]
-            )
+        self.ring = DifferentialRing([*formulas, *irrational], variables, limit=limit, digits=digits)
+        """The ring of the formulas."""
+        self._towers = DerivativeTowers(self.ring, [list(map(self.ring.element, field)) for field in fields])
         self._elements: dict[int, tuple[Element, ...]] = {}
 
     def term(self, n: int, *, simplify: bool = True) -> Formulas:
         """The formulas of the trees with n nodes, with common denominators and factored if `simplify`."""
-        elements = self.elements(n)
-        with refusing_large(self._limit):
-            return tuple(self.ring.to_expression(element, simplify=simplify) for element in elements)
+        return tuple(self.ring.to_expression(element, simplify=simplify) for element in self.elements(n))
 
     def elements(self, n: int) -> tuple[Element, ...]:
         """The contribution of the trees with n nodes, as elements of `ring`."""
@@ -143,8 +138,10 @@ class SymbolicSeries:
             raise SeriesError(f"n must be at most {series.order}, the order of the series, but was {n}")
         if n not in self._elements:
             weights = {series.table[at]: self._weight(at) for at in series.table.ids(n) if not series.is_zero_at(at)}
-            with refusing_large(self._limit):
+            try:
                 self._elements[n] = self._towers.sum(weights)
+            except RecursionError:
+                raise SeriesError("trees must be nested less deeply than the interpreter's limit") from None
         return self._elements[n]
 
     def _weight(self, at: int) -> Fraction | Element:
@@ -152,38 +149,3 @@ class SymbolicSeries:
         value = self._coefficients[at]
         number = Fraction(value) if isinstance(value, Fraction | float) else self.ring.element(value)
         return number * Fraction(1, int(self.series.table.symmetry_and_density[0][at]))
-
-
-def _checked(
-    fields: Fields, variables: Iterable[sympy.Symbol], colors: int
-) -> tuple[list[Formulas], tuple[sympy.Symbol, ...]]:
-    """The formulas of each field, one for each variable, and the variables."""
-    symbols = tuple(variables)
-    if not symbols or len(set(symbols)) < len(symbols) or not all(isinstance(x, sympy.Symbol) for x in symbols):
-        raise SeriesError(f"variables must be different SymPy symbols, but were {symbols!s:.60}")
-    rows = [tuple(map(_formula, field)) for field in fields]
-    if len(rows) != colors:
-        raise SeriesError(f"fields must be {colors}, one for each colour of the trees, but were {len(rows)}")
-    for row in rows:
-        if len(row) != len(symbols):
-            size = len(symbols)
-            raise SeriesError(f"fields must have {size} formulas, one for each variable, but one has {len(row)}")
-    return rows, symbols
-
-
-def _formula(value: object) -> Any:
-    """A number or expression as a SymPy expression."""
-    if isinstance(value, Real | sympy.Expr) and not isinstance(value, bool):
-        return sympy.sympify(value, strict=True)
-    raise SeriesError(f"fields must hold SymPy expressions or numbers, but one was {value!r:.60}")
-
-
-@contextmanager
-def refusing_large(limit: int) -> Iterator[None]:
-    """Turn excessive growth of formulas into a `SeriesError`."""
-    try:
-        yield
-    except TooLarge:
-        raise SeriesError(f"fields must stay simpler: a formula would have more than {limit} monomials") from None
-    except RecursionError:
-        raise SeriesError("fields and trees must be nested less deeply than the interpreter's limit") from None

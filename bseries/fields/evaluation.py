@@ -183,7 +183,7 @@ def _pointer(array: np.ndarray) -> Any:
 def contractions(ints: Any) -> int:
     """The number of contractions in the tables."""
     table = kernels.CONTRACTION
-    return int(ints[table + 1] - ints[table]) // kernels.TABLES["contraction"]
+    return int(ints[table + 1] - ints[table]) // int(kernels.CONTRACTION_ROW)
 
 
 def build_tables(series: Any, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
@@ -197,7 +197,7 @@ FUNCTIONS = (
     *("sin", "cos", "sinh", "cosh", "exp", "log", "sqrt"),
     *("asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"),
 )
-CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "ARGUMENT_ROW", "OUTPUT_ROW", "CONTRACTION_ROW", "SECOND_HALF")
+CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "CONTRACTION_ROW", "ZERO", "ONE", "TWO")
 
 
 class PreciseSeries:
@@ -212,7 +212,7 @@ class PreciseSeries:
         self._ints = ints.astype(np.int64)
         self._numbers = np.array([*numbers, None], object)[:-1]
         names: dict[str, Any] = {name: getattr(mpmath, name) for name in FUNCTIONS}
-        names |= {name: int(getattr(kernels, name)) for name in (*CONSTANTS, "ZERO", "ONE", "TWO", "ROLES")}
+        names |= {name: int(getattr(kernels, name)) for name in CONSTANTS}
         names["np"] = SimpleNamespace(uint64=int)
         self._sweep = kernels.sweep.interpreted(**names)
         self._sizes = kernels.workspace.interpreted(**names)(self._ints, 1, 1)
@@ -229,13 +229,12 @@ class PreciseSeries:
         size, ints = self.series.dimension, self._ints
         if len(y) != size:
             raise SeriesError(f"y must have {size} values, but had {len(y)}")
-        rows, groups, places = map(int, self._sizes)
+        groups, places = map(int, self._sizes)
         out = np.zeros((self.series.order, size), object)
         fields = np.zeros((int(ints[kernels.FIELDS]), size), object)
-        indices = (np.zeros(count, np.int64) for count in (int(kernels.ROLES) * rows, rows, places))
-        work = np.zeros(groups, object)
+        work = np.zeros(groups, object), np.zeros(places, np.int64)
         try:
-            self._sweep(np.array([y], object), out, fields, work, *indices, 1, ints, self._numbers, 1)
+            self._sweep(np.array([y], object), out, fields, *work, 1, ints, self._numbers, 1)
         except ArithmeticError as error:
             raise SeriesError(f"y must lie in the domain of the field, but there a formula {error}") from None
         if any(isinstance(value, mpmath.mpc) for value in out.ravel()):

@@ -361,7 +361,7 @@ def modified_field(
     References:
         HLW, section IX.1, theorem IX.9.2.
     """
-    return _make(as_method(method), as_scene(scene), order, parts, route, modified_equation, "the modified equation")
+    return _make(method, scene, order, parts, route, modified_equation, "the modified equation")
 
 
 def modifying_field(
@@ -391,9 +391,7 @@ def modifying_field(
         P. Chartier, E. Hairer, G. Vilmart, *Numerical integrators based on modified differential equations*,
         Math. Comp. 76 (2007), doi:10.1090/S0025-5718-07-01967-9.
     """
-    return _make(
-        as_method(method), as_scene(scene), order, parts, route, modifying_integrator, "the modifying integrator"
-    )
+    return _make(method, scene, order, parts, route, modifying_integrator, MODIFYING)
 
 
 def series_map(
@@ -419,12 +417,13 @@ def series_map(
         >>> step([1.0], 0.5)
         array([1.5])
     """
-    return _make(as_method(method), as_scene(scene), order, parts, route, series, "the series")
+    return _make(method, scene, order, parts, route, series, "the series")
 
 
 def _make(
-    method: Any, scene: Scene, order: int | None, parts: Any, route: str, series_of: Any, title: str
+    method: Any, scene: Scene | str, order: int | None, parts: Any, route: str, series_of: Any, title: str
 ) -> SceneSeries:
+    method, scene = as_method(method), as_scene(scene)
     nodes = read_order(method, scene, order, is_map=series_of is series)
     if isinstance(method, BSeries):
         given = method.truncate(nodes)
@@ -442,8 +441,6 @@ def _make(
 
 def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
     """The id of each tree, without its colours, in another table."""
-    if table == plain:
-        return list(range(len(table)))
     _, _, left, right = table.lists
     product = grafting(plain)
     found: list[int] = []
@@ -526,9 +523,8 @@ def modifying_steps(
     def field(state: Any) -> Any:
         return values(state, step)
 
-    if len(method.names) > 1:
-        return plain_steps(method, block_parts(field, _part_indices(f, method)), y, h, steps, digits=digits)
-    return plain_steps(method, field, y, h, steps, digits=digits)
+    fields = block_parts(field, _part_indices(f, method)) if len(method.names) > 1 else field
+    return plain_steps(method, fields, y, h, steps, digits=digits)
 
 
 def _part_indices(f: SceneSeries, method: Method) -> dict[str, list[int]]:

@@ -44,8 +44,11 @@ MOST_POWER = 1_000
 MOST_MONOMIALS_OF_A_POWER = 10_000
 
 
-class TooLarge(Exception):
+class TooLarge(SeriesError):
     """A polynomial exceeds the limit of monomials, or a power is too large."""
+
+    def __init__(self, limit: int):
+        super().__init__(f"fields must stay simpler: a formula would have more than {limit} monomials")
 
 
 class Element:
@@ -201,7 +204,7 @@ class GeneratedRing:
             for part in (left,) if len(left) * len(right) <= PART * self.limit else _parts(left):
                 total += part * right
                 if len(total) > self.limit:
-                    raise TooLarge
+                    raise TooLarge(self.limit)
         return Element(self, total) if is_linear else self._reduced(total)
 
     def power(self, element: Element, n: int) -> Element:
@@ -238,14 +241,14 @@ class GeneratedRing:
         before = polynomial if len(self._relations) < 2 else None
         while polynomial != before:
             if len(polynomial) > self.limit:
-                raise TooLarge
+                raise TooLarge(self.limit)
             before, degrees = polynomial, polynomial.degrees()[::-1]
             for zero, leading in self._relations:
                 if all(degrees[k] >= e for k, e in leading.items()):  # otherwise no monomial is a multiple
                     polynomial = polynomial % self._current(zero)
                     degrees = polynomial.degrees()[::-1]
         if len(polynomial) > self.limit:
-            raise TooLarge
+            raise TooLarge(self.limit)
         return Element(self, polynomial)
 
     def expression(self, element: Element) -> sympy.Expr:
@@ -387,7 +390,7 @@ class GeneratedRing:
 
     def _whole_power(self, element: Element, power: int) -> Element:
         if power > MOST_POWER or math.comb(power + element.size - 1, power) > MOST_MONOMIALS_OF_A_POWER:
-            raise TooLarge
+            raise TooLarge(self.limit)
         return self.power(element, power)
 
     def _inverse(self, k: int) -> Element:

@@ -109,33 +109,19 @@ def factors(instruction: Instruction, variables: int, degree: int) -> list[Any]:
     return []
 
 
-class InstructionList(NamedTuple):
-    """Instructions that evaluate a formula, with the number of polynomials and the index of the result."""
+class InstructionList:
+    """Instructions that compute the truncated Taylor polynomial of a formula; equal parts share their polynomials.
 
-    instructions: tuple[Instruction, ...]
-    polynomials: int
-    result: int
-
-
-def instruction_list(formula: sympy.Expr, variables: int, degree: int) -> InstructionList:
-    """The instructions that compute the truncated Taylor polynomial of a formula.
-
-    Its symbols are x0, x1, … for the local variables and d0, d1, … for data.
+    The symbols of the formula are x0, x1, … for the local variables and d0, d1, … for data.
     """
-    builder = _InstructionBuilder(variables, degree)
-    result = builder.visit(formula)
-    return InstructionList(tuple(builder.instructions), len(builder.supports), result)
 
-
-class _InstructionBuilder:
-    """Visitor of the nodes of a formula; equal subformulas share their polynomials."""
-
-    def __init__(self, variables: int, degree: int):
+    def __init__(self, formula: sympy.Expr, variables: int, degree: int):
         self.variables, self.degree = variables, degree
         self.every: Support = frozenset(range(monomial_count(variables, degree)))
         self.instructions: list[Instruction] = []
         self.known: dict[Any, int] = {}
-        self.supports: list[Support] = []
+        self.supports: list[Support] = []  # one for each polynomial
+        self.result = self.visit(formula)
 
     def emit(
         self, operation: int, *operands: int, support: Support | None = None, number: Any = None,
@@ -161,6 +147,7 @@ class _InstructionBuilder:
         return self.emit(operation, a, b, number=number, triples=triples)
 
     def visit(self, formula: Any) -> int:
+        """The index of the polynomial of a formula."""
         if formula not in self.known:
             self.known[formula] = self._visit(formula)
         return self.known[formula]

@@ -423,8 +423,6 @@ def point_transformation(
     parameters = tuple(parameters)
     (p, q), (momenta, places) = _symbols_of(old, new)
     chi = _read_positions(positions, q, (*map(str, places), *parameters))
-    if len(chi) != len(places):
-        raise SeriesError(f"new must have {len(chi)} positions, as old has, but had {len(places)}")
     solved = _solved(sympy.Matrix(chi).jacobian(places).T, sympy.Matrix(momenta), places, "positions")
     formulas = dict(zip(map(str, (*p, *q)), (*solved, *chi), strict=True))
     return canonical_transformation(old, new, formulas, parameters=parameters, positive=positive)
@@ -470,8 +468,6 @@ def generating_transformation(
     if shared:
         raise SeriesError(f"new must have other names than old, but both have {shared[0]}")
     given: Any = read_formula(S, (*map(str, (*momenta, *q)), *parameters), "S")
-    if len(q) != len(places):
-        raise SeriesError(f"new must have {len(q)} positions, as old has, but had {len(places)}")
     relations = [given.diff(momentum) for momentum in momenta]
     if positions is None:
         equations = [relation - place for relation, place in zip(relations, places, strict=True)]
@@ -518,9 +514,8 @@ def harmonic_action_angle(
     """
     parameters = tuple(parameters)
     (p, q), (actions, angles) = _symbols_of(old, new)
-    size = len(p)
-    if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != size:
-        raise SeriesError(f"frequencies must be {size}, one for each pair of variables, but were {frequencies!r:.60}")
+    if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != len(p):
+        raise SeriesError(f"frequencies must be {len(p)}, one for each pair of variables, but were {frequencies!r:.60}")
     formulas: dict[str, Any] = {}
     for k, value in enumerate(frequencies):
         omega: Any = read_formula(value, parameters, f"frequencies[{k + 1}]")
@@ -534,8 +529,12 @@ def harmonic_action_angle(
 
 def _symbols_of(old: Any, new: Any) -> Iterator[list[list[sympy.Symbol]]]:
     """The symbols of p and q, and those of P and Q."""
-    for blocks, argument in ((old, "old"), (new, "new")):
-        yield [list(map(sympy.Symbol, block.variables)) for block in read_pair(blocks, argument)]
+    before, after = read_pair(old, "old"), read_pair(new, "new")
+    size, found = len(before[1].variables), len(after[1].variables)
+    if size != found:
+        raise SeriesError(f"new must have {size} positions, as old has, but had {found}")
+    for pair in (before, after):
+        yield [list(map(sympy.Symbol, block.variables)) for block in pair]
 
 
 def _read_positions(positions: Any, q: Sequence[sympy.Symbol], known: Sequence[str]) -> list[sympy.Expr]:

@@ -115,15 +115,12 @@ class FourierRing(DifferentialRing):
             for k, (c, s) in sorted(found.items())
         }
 
-    def waves_expression(self, f: Element, *, simplify: bool = True) -> sympy.Expr:
-        """The SymPy expression of a real f in cos k·θ and sin k·θ, with factored coefficients if `simplify`."""
+    def waves_expression(self, f: Element) -> sympy.Expr:
+        """The SymPy expression of a real f in cos k·θ and sin k·θ, with factored coefficients."""
         total: list[Any] = []
         for k, (c, s) in self.modes(f).items():
             argument = sympy.Add(*(n * angle for n, angle in zip(k, self.angles, strict=True)))
-            total += [
-                self.to_expression(x, simplify=simplify) * wave
-                for x, wave in ((c, sympy.cos(argument)), (s, sympy.sin(argument)))
-            ]
+            total += [self.to_expression(c) * sympy.cos(argument), self.to_expression(s) * sympy.sin(argument)]
         return sympy.Add(*total)
 
     def is_zero(self, element: Element) -> bool:

@@ -51,8 +51,6 @@ from trees.free_trees import grafting
 from trees.kernels import OUTSIDE
 from trees.table import TreeTable, tree_table
 
-Bounds = list[list[int | None]]
-
 
 class EnergyScene(System):
     """Canonical scene extended by variables for energies, so that energies are elementary differentials.
@@ -357,7 +355,7 @@ def energy_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any)
 
 
 def _table_of_twins(
-    method: Any, scene: EnergyScene, bounds: Bounds, order: int, colors: Sequence[int], blocks: bool
+    method: Any, scene: EnergyScene, bounds: list[list[int | None]], order: int, colors: Sequence[int], blocks: bool
 ) -> TreeTable:
     """The trees whose coefficients are needed: the root of a twin has as many children as an energy."""
     if max(colors) == 0:

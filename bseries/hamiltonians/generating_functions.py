@@ -22,14 +22,12 @@ import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import (
-    MOST_MONOMIALS,
     Composition,
     DifferentialRing,
     Expansion,
     PowerSeries,
     combination,
 )
-from bseries.fields.elementary_differentials import refusing_large
 from bseries.fields.inputs import power_sum
 from bseries.fields.polynomials import Element
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
@@ -156,12 +154,11 @@ def generating_terms(
     If not `solved`, the terms S_1, …, S_N of the generating function itself.
     """
     check_order(order)
-    with refusing_large(MOST_MONOMIALS):
-        S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()  # S / h
-        terms = [S[n] for n in range(order)]
-        if solved:
-            terms = HamiltonJacobi(S.ring, canonical_pairs(scene)).hamiltonian(terms)
-        first, *others = map(S.ring.to_expression, terms)
+    S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()  # S / h
+    terms = [S[n] for n in range(order)]
+    if solved:
+        terms = HamiltonJacobi(S.ring, canonical_pairs(scene)).hamiltonian(terms)
+    first, *others = map(S.ring.to_expression, terms)
     return first + energy_constant(scene), *others  # the stages lack the constant of H
 
 
@@ -194,9 +191,8 @@ def exact_generating_function(
     References:
         HLW, theorem VI.5.6.
     """
-    with refusing_large(MOST_MONOMIALS):
-        ring, series, recursion = _expanded_formula(H, "H", momenta, positions, order, h)
-        terms = tuple(map(ring.to_expression, recursion.generating(series[k] for k in range(order))))
+    ring, series, recursion = _expanded_formula(H, "H", momenta, positions, order, h)
+    terms = tuple(map(ring.to_expression, recursion.generating(series[k] for k in range(order))))
     return GeneratingFunction("an exact flow", tuple(momenta), tuple(positions), terms)
 
 
@@ -234,11 +230,10 @@ def generating_hamiltonian(
     References:
         HLW, theorem IX.3.2; E. Hairer, lecture on long-time behaviour, theorem 4 and (24).
     """
-    with refusing_large(MOST_MONOMIALS):
-        ring, series, recursion = _expanded_formula(S, "S", momenta, positions, order, h)
-        if series[0]:
-            raise SeriesError(f"S must be zero for a step of length zero, but was {S!s:.60}")
-        return tuple(map(ring.to_expression, recursion.hamiltonian(series[n] for n in range(1, order + 1))))
+    ring, series, recursion = _expanded_formula(S, "S", momenta, positions, order, h)
+    if series[0]:
+        raise SeriesError(f"S must be zero for a step of length zero, but was {S!s:.60}")
+    return tuple(map(ring.to_expression, recursion.hamiltonian(series[n] for n in range(1, order + 1))))
 
 
 def _expanded_formula(
@@ -481,8 +476,7 @@ def variational_generating_function(
             raise SeriesError(f"velocity must be a list of {len(start)} formulas, but was {velocity!r:.60}")
         for x in velocity:
             check_formula(x, "velocity")
-    with refusing_large(MOST_MONOMIALS):
-        terms = _Legendre(lagrangian, start, end, step).terms(momenta, velocity, order)
+    terms = _Legendre(lagrangian, start, end, step).terms(momenta, velocity, order)
     return GeneratingFunction("a variational integrator", tuple(momenta), tuple(start), terms)
 
 

@@ -38,18 +38,8 @@ from integrators.scenes.scene import Scene
 from trees.compiled import float_kernel
 
 
-class Denominator(NamedTuple):
-    """Denominator k·ω(b), with the first order at which it occurs."""
-
-    value: Element
-    order: int
-
-
 class Elimination:
-    """Series S and N of the Hamiltonian K + ε H_1 + …, with denominators and the first orders of resonances by k.
-
-    Resonant modes raise an error, or stay in N.
-    """
+    """Series S and N of the Hamiltonian K + ε H_1 + …; resonant modes raise an error, or stay in N."""
 
     def __init__(self, ring: FourierRing, terms: Sequence[Element], *, keep_resonant: bool = False):
         self.ring, self._keep = ring, keep_resonant
@@ -63,8 +53,8 @@ class Elimination:
         self._frequencies = [ring.derivative(terms[0], i) for i in range(d)]
         self._reciprocals: dict[Mode, Element | None] = {}
         self.generating, self.normal = [ring.zero], [terms[0]]
-        self.denominators: dict[Mode, Denominator] = {}
-        self.resonances: dict[Mode, int] = {}
+        self.denominators: dict[Mode, tuple[Element, int]] = {}  # k·ω(b), and the first order at which it occurs
+        self.resonances: dict[Mode, int] = {}  # the first orders at which they occur
         actions, angles = [self._shifted(i, d + i) for i in range(d)], [self._shifted(d + i, i) for i in range(d)]
         fixed = [PowerSeries.polynomial(ring.element(x)) for x in ring.variables]
         at_actions, at_angles = Composition(ring, [*actions, *fixed[d:]]), Composition(ring, [*fixed[:d], *angles])
@@ -90,7 +80,7 @@ class Elimination:
             cosine, sine = ring.wave(k)
             reciprocal = self._reciprocal(k) if any(k) else None
             if reciprocal is not None:
-                self.denominators.setdefault(k, Denominator(ring.dot(zip(k, self._frequencies, strict=True)), order))
+                self.denominators.setdefault(k, (ring.dot(zip(k, self._frequencies, strict=True)), order))
                 generating += [(s * reciprocal, cosine), (-c * reciprocal, sine)]
             elif k == ring.constant or not (ring.is_zero(c) and ring.is_zero(s)):
                 normal += [(c, cosine), (s, sine)]
@@ -201,7 +191,7 @@ class NormalForm:
     def denominators(self) -> Mapping[tuple[int, ...], sympy.Expr]:
         """The formulas of the denominators k·ω(b), by k."""
         write = self._elimination.ring.to_expression
-        return MappingProxyType({k: write(found.value) for k, found in self._elimination.denominators.items()})
+        return MappingProxyType({k: write(value) for k, (value, _) in self._elimination.denominators.items()})
 
     def small_denominators(self, actions: Any, count: int = 10) -> list[SmallDenominator]:
         """The smallest denominators at a point; zero for a resonance.
@@ -225,7 +215,7 @@ class NormalForm:
             value: Any = formula.xreplace(values)
             if not (value.is_number and value.is_finite and value.is_real):
                 raise SeriesError(f"actions must be where {formula!s:.60} is a real number, but there it was {value}")
-            found.append(SmallDenominator(k, self._elimination.denominators[k].order, float(value)))
+            found.append(SmallDenominator(k, self._elimination.denominators[k][1], float(value)))
         return sorted(found, key=lambda entry: (abs(entry.value), entry.order, entry.k))[:count]
 
     # The change of variables.
@@ -260,8 +250,10 @@ class NormalForm:
         actions, angles = (slice(block.offset, block.end) for block in self._blocks)
 
         def work(rows: slice) -> None:
-            given = states[rows, actions], states[rows, angles]
-            out[rows, actions], out[rows, angles] = maps.images(is_back, *given, value)
+            for first in range(rows.start, rows.stop, maps.height):
+                some = slice(first, min(first + maps.height, rows.stop))
+                given = states[some, actions], states[some, angles]
+                out[some, actions], out[some, angles] = maps.images(is_back, *given, value)
 
         in_threads(work, len(states), workers)
         failed = np.flatnonzero(~np.isfinite(out).all(axis=1))
@@ -304,7 +296,7 @@ class NormalForm:
                 for k, term in enumerate(self.terms)
             ],
             "denominators": [
-                {"k": list(k), "order": self._elimination.denominators[k].order, "denominator": str(formula)}
+                {"k": list(k), "order": self._elimination.denominators[k][1], "denominator": str(formula)}
                 for k, formula in self.denominators.items()
             ],
             "resonances": [{"k": list(k), "order": order} for k, order in self.resonances.items()],
@@ -489,18 +481,13 @@ class NormalFormMaps:
         first_factor, first_monomial = (np.cumsum([0, *map(len, parts)]) for parts in (factors, columns))
         self._tables = first_factor, np.array(list(chain(*factors)), int), first_monomial
         self._k = np.array(modes, float).reshape(-1, size)
+        self.height = max(1, LARGEST_ARRAY // len(first_monomial))
+        """The number of points to map at a time."""
 
     def images(
         self, is_back: bool, actions: np.ndarray, angles: np.ndarray, eps: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Map rows (a, θ) to (b, φ), or back; nan where the equations cannot be solved."""
-        height = max(1, LARGEST_ARRAY // len(self._tables[-1]))
-        if len(actions) > height:
-            parts = [
-                self.images(is_back, actions[k : k + height], angles[k : k + height], eps)
-                for k in range(0, len(actions), height)
-            ]
-            return np.concatenate([first for first, _ in parts]), np.concatenate([second for _, second in parts])
 
         def slopes(x: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """The change of the unknown x, its matrix, and the change of the other variables."""

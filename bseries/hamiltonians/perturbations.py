@@ -5,10 +5,8 @@ The one-form B^(−1) r may be not closed at some power of h, or closed but not 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
-from fractions import Fraction
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
@@ -16,8 +14,7 @@ import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
-from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.elementary_differentials import refusing_large
+from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import antiderivative, covector, inverse_structure
 from bseries.fields.polynomials import Element
@@ -77,10 +74,9 @@ class Perturbation:
     def rate(self, k: int) -> sympy.Expr:
         """The formula of ∇H · r at h^k."""
         energy: Any = self.scene.hamiltonian
-        with refusing_large(MOST_MONOMIALS):
-            ring, elements = self.ring, self.series.formulas.elements(k + 1)
-            H = ring.element(energy)
-            return ring.to_expression(ring.dot((ring.derivative(H, i), x) for i, x in enumerate(elements)))
+        ring, elements = self.ring, self.series.formulas.elements(k + 1)
+        H = ring.element(energy)
+        return ring.to_expression(ring.dot((ring.derivative(H, i), x) for i, x in enumerate(elements)))
 
     def rates(self, y: np.ndarray, k: int) -> np.ndarray:
         """∇H · r at h^k at many points (variables, n) of a canonical scene, compiled."""
@@ -163,7 +159,7 @@ def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
     return {i: period for i, period in periods.items() if period is not None}
 
 
-def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
+def common_period(formulas: Sequence[Any], x: sympy.Symbol) -> sympy.Expr | None:
     """A common period of formulas in x, as they are written; None if there is none or no formula contains x.
 
     It is positive if it is a number. For symbols no absolute value is taken, so that multiples of 2π remain
@@ -175,27 +171,16 @@ def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None
         >>> common_period([y * sympy.sin(2 * x / 3), sympy.cos(x / 2 + y)], x), common_period([x + sympy.sin(x)], x)
         (12*pi, None)
     """
-    slopes: set[Any] = set()
-    waiting: list[Any] = [formula for formula in formulas if formula.has(x)]
-    while waiting:
-        part = waiting.pop()
-        slope: Any = sympy.diff(part.args[0], x) if isinstance(part, sympy.sin | sympy.cos) else x
-        if not slope.has(x):
-            slopes.add(slope)
-        elif not part.args:
-            return None
-        else:
-            waiting += (inner for inner in part.args if inner.has(x))
-    if not slopes:
+    waves: Any = {wave for formula in formulas for wave in formula.atoms(sympy.sin, sympy.cos) if wave.has(x)}
+    slopes = {wave: sympy.diff(wave.args[0], x) for wave in waves}
+    linear: Any = {wave: sympy.Dummy() for wave, slope in slopes.items() if not slope.has(x)}
+    if not linear or any(formula.xreplace(linear).has(x) for formula in formulas):
         return None
-    unit = min(slopes, key=sympy.default_sort_key)
-    multiples = [sympy.simplify(slope / unit) for slope in slopes]
+    unit = min((slopes[wave] for wave in linear), key=sympy.default_sort_key)
+    multiples: Any = [sympy.simplify(slopes[wave] / unit) for wave in linear]
     if not all(multiple.is_Rational for multiple in multiples):
         return None
-    whole = [Fraction(int(multiple.p), int(multiple.q)) for multiple in multiples]
-    scale = math.lcm(*(f.denominator for f in whole))
-    greatest = math.gcd(*(int(f * scale) for f in whole))
-    period = 2 * sympy.pi * scale / (greatest * unit)
+    period: Any = 2 * sympy.pi / (reduce(lambda a, b: a.gcd(b), multiples) * unit)
     return abs(period) if period.is_number else -period if period.could_extract_minus_sign() else period
 
 

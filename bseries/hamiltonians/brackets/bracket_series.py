@@ -118,11 +118,6 @@ class BracketSeries(Mapping[Bracket, Any]):
     def __len__(self) -> int:
         return len(self._values)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, BracketSeries) and (self.parts, self._terms) == (other.parts, other._terms)
-
-    __hash__ = None  # pyright: ignore[reportAssignmentType]
-
     def __repr__(self) -> str:
         of = f" of {self.label}" if self.label else ""
         return f"<BracketSeries{of}: {len(self)} brackets of {', '.join(self.parts)} to order {self.order}>"

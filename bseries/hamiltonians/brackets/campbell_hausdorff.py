@@ -71,9 +71,9 @@ def bracket_hamiltonian(
         if quadratic_kinetic is not None:
             raise SeriesError(f"quadratic_kinetic must be None for a series, but was {quadratic_kinetic!r:.60}")
         label = method.label or "a series"
-        _check_parts(method.names, label)
+        check_parts(method.names, label)
         return _in_brackets(fields_of(method, order), method.names, label)
-    _check_parts(check_method(method).names, method.name)
+    check_parts(check_method(method).names, method.name)
     if quadratic_kinetic is None:
         kinetic = kinetic_of(method.max_children, len(method.names))
     else:
@@ -164,7 +164,8 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
     return _in_brackets(fields, method.names, method.name, kinetic, **shown)
 
 
-def _check_parts(names: Sequence[str], label: str) -> None:
+def check_parts(names: Sequence[str], label: str) -> None:
+    """Check that a method has several parts."""
     if len(names) < 2:
         raise SeriesError(f"method must treat parts of the field differently, but {label} has one part only")
 

@@ -194,13 +194,7 @@ def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]
 
 def _by_content(table: TreeTable, letters: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
     """The trees by their numbers of nodes of each colour."""
-    _, color, left, right = table.lists
-    contents: list[tuple[int, ...]] = []
     found: dict[tuple[int, ...], list[int]] = {}
-    for tree, (u, v) in enumerate(zip(left, right, strict=True)):
-        if u < 0:
-            contents.append(tuple(int(color[tree] == letter) for letter in letters))
-        else:
-            contents.append(tuple(map(sum, zip(contents[u], contents[v], strict=True))))
-        found.setdefault(contents[tree], []).append(tree)
+    for at, tree in enumerate(table):
+        found.setdefault(tuple(map(tree.colors.count, letters)), []).append(at)
     return found

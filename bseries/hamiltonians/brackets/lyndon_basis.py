@@ -10,10 +10,8 @@ tanh(ad_A/2) of the odd ones, and [A, P_x] = P_Ax.
 
 from __future__ import annotations
 
-import gc
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any
@@ -26,19 +24,6 @@ MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further lett
 PRIME = 2**31 - 1  # checks the results modulo 2^64
 
 
-@contextmanager
-def _collecting_later() -> Iterator[None]:
-    """No search for garbage: it would visit the new tuples and fractions again and again, for a quarter of the time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
-@_collecting_later()
 def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict[tuple[str, ...], Fraction]]:
     """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word."""
     import numpy as np
@@ -125,8 +110,7 @@ class LyndonWords:
         self.lengths, self.left, self.right = np.zeros((3, sum(counts)), np.int32)
         self.codes = np.zeros(sum(counts), np.int64)
         self.place = np.empty(2 ** (length + 1), np.int32)
-        self.norms = np.zeros(sum(counts))
-        lyndon_words.compiled(length, self.place, self.lengths, self.codes, self.left, self.right, self.norms)
+        lyndon_words.compiled(length, self.place, self.lengths, self.codes, self.left, self.right)
 
     def of_length(self, n: int) -> range:
         """The indices of the words with n letters."""
@@ -144,9 +128,7 @@ def odd_coordinates(words: LyndonWords, n: int) -> tuple[list[int], int]:
     by_number = np.zeros(max(numerators) + 1, np.int64)
     by_number[list(numerators)] = list(numerators.values())
     ids = np.array(words.of_length(n))
-    numbers = np.empty(len(ids), np.int64)
-    heinz_numbers.compiled(words.codes[ids], n, primes, numbers)
-    wanted = by_number[numbers]
+    wanted = by_number[heinz_numbers(words.codes[ids], n, primes)]
     ones = np.array([code.bit_count() for code in words.codes[ids].tolist()])
     found = np.empty(len(ids), np.int64)
     for letters in range(1, n):
@@ -155,24 +137,43 @@ def odd_coordinates(words: LyndonWords, n: int) -> tuple[list[int], int]:
     return found.tolist(), denominator
 
 
+def heinz_numbers(codes: Any, n: int, primes: Any) -> Any:
+    """The product of primes[s] over the blocks of s equal letters of each word, which identifies their lengths."""
+    import numpy as np
+
+    product = block = np.ones_like(codes)
+    for position in range(1, n):
+        ends = (codes >> position ^ codes >> position - 1) & 1 == 1
+        product, block = np.where(ends, product * primes[block], product), np.where(ends, 1, block + 1)
+    return product * primes[block]
+
+
 def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
     """The numerators of the coordinates of the Lyndon words with given numbers of letters."""
     import numpy as np
 
-    lengths, left, right, lanes = words.lengths, words.left, words.right, LANES
-    ids = np.empty((words.offsets[n - 1], n), np.int32)
-    size = needed_numbers.compiled(members, n, lengths, left, right, ids)
-    program, operands = np.empty((size, 4), np.int32), np.empty((len(members), 4), np.int32)
-    straight_line.compiled(members, n, lengths, left, right, ids, program, operands)
-    letters = int((ids[:2] >= 0).sum())
-    work = np.empty((size + 1, lanes), np.int32), *np.empty((2, lanes), np.int64)
+    lengths, left, right = words.lengths, words.left, words.right
+    needed = np.zeros((words.offsets[n - 1], n), bool)
+    mark_needed.compiled(members, n, lengths, left, right, needed)
+    numbers = needed.cumsum(dtype=np.int32).reshape(needed.shape) - np.int32(1)
+
+    def operands(of: Any, start: Any) -> Any:
+        """The four numbers from which ⟨P_b, x[start:]⟩ follows."""
+        u, v = left[of], right[of]
+        four = (u, start), (v, start + lengths[u]), (u, start + lengths[v]), (v, start)
+        return np.stack([numbers[pair] for pair in four], axis=1)
+
+    letters, (longer, start) = np.argwhere(needed[:2]), np.nonzero(needed[2:])
+    work = np.empty((len(letters) + len(longer) + 1, LANES), np.int32), *np.empty((2, LANES), np.int64)
     found = np.empty((len(members), 2), np.int64)
-    solve_class.compiled(
-        members, n, words.codes, program, letters, operands, wanted, wanted % PRIME, PRIME, work, found
-    )
-    # Two integers below `bound` in size that agree modulo 2^64 and modulo the prime are equal.
-    bound = float(np.abs(wanted).max()) * words.norms[members].max() * (1 + 2.0**-20)
-    if not 2 * bound < 2.0**64 * PRIME or (found[:, 0] % PRIME != found[:, 1]).any():
+    tables = letters, operands(longer + 2, start), operands(members, np.zeros_like(members))
+    solve_class.compiled(members, n, words.codes, *tables, wanted, wanted % PRIME, PRIME, work, found)
+    # With the dual basis S, c_x = Σ_w ⟨S_x, w⟩ w_x. For x = av with a letter a and a product v of Lyndon words l_i, S_x
+    # is a times the shuffle product of the S_(l_i), divided by k! for k equal factors (C. Reutenauer, *Free Lie
+    # Algebras*, theorem 5.3), so that its coefficients are positive, with the sum (n − 1)! at most. Two integers below
+    # `bound` in size that agree modulo 2^64 and modulo the prime are equal.
+    bound = int(np.abs(wanted).max()) * math.factorial(n - 1)
+    if 2 * bound >= 2**64 * PRIME or (found[:, 0] % PRIME != found[:, 1]).any():
         raise ArithmeticError(f"coordinates of degree {n} do not fit into 64 bits")
     return found[:, 0]
 
@@ -181,13 +182,10 @@ LANES = 64  # words that are treated at once; LLVM does not vectorise loops over
 
 
 @kernel
-def lyndon_words(length, place, lengths, codes, left, right, norms):
+def lyndon_words(length, place, lengths, codes, left, right):
     """List the Lyndon words of up to `length` letters by length and code, with their standard factors.
 
-    ``place[2^n + code]`` becomes the index of a word of n letters, −1 if it is no Lyndon word. `norms` are the sums of
-    the coefficients, all positive, of the dual basis S: c_x = Σ_w ⟨S_x, w⟩ w_x is at most norm · max |w_x|. For x = av
-    with a letter a and a product v of Lyndon words l_1 ≥ l_2 ≥ …, S_x is a times the shuffle product of the S_(l_i),
-    divided by k! for k equal factors (C. Reutenauer, *Free Lie Algebras*, theorem 5.3).
+    ``place[2^n + code]`` becomes the index of a word of n letters, −1 if it is no Lyndon word.
     """
     place[:] = -1
     count = 0
@@ -202,26 +200,7 @@ def lyndon_words(length, place, lengths, codes, left, right, norms):
                 if n > 1:
                     left[count] = place[(1 << (n - cut)) + (code >> cut)]
                     right[count] = place[(1 << cut) + (code & ((1 << cut) - 1))]
-                norms[count] = _dual_norm(code & ((1 << (n - 1)) - 1), n - 1, place, norms)
                 count += 1
-
-
-@kernel
-def _dual_norm(code, n, place, norms):
-    """The sum of the coefficients of S_v for any word v of n letters."""
-    norm, last, equal = 1.0, -1, 0
-    while n > 0:
-        cut = n  # letters of the longest Lyndon prefix
-        while place[(1 << cut) + (code >> (n - cut))] < 0:
-            cut -= 1
-        factor = place[(1 << cut) + (code >> (n - cut))]
-        equal = equal + 1 if factor == last else 1
-        norm *= norms[factor] / equal
-        for k in range(cut):  # the binomial coefficient of n and cut
-            norm *= (n - k) / (k + 1)
-        n, last = n - cut, factor
-        code &= (1 << n) - 1
-    return norm
 
 
 @kernel
@@ -235,92 +214,46 @@ def _is_lyndon(code, n):
 
 
 @kernel
-def heinz_numbers(codes, n, primes, numbers):
-    """The product of primes[s] over the blocks of s equal letters; it identifies their lengths, without order."""
-    for x in range(len(codes)):
-        product, block = 1, 1
-        for position in range(1, n):
-            if (codes[x] >> position) & 1 == (codes[x] >> (position - 1)) & 1:
-                block += 1
-            else:
-                product *= primes[block]
-                block = 1
-        numbers[x] = product * primes[block]
-
-
-@kernel
-def needed_numbers(members, n, lengths, left, right, ids):
-    """Number the ⟨P_b, x[start : start + |b|]⟩ from which all ⟨P_y, x⟩ of one class of words x, y follow.
-
-    ``ids[b, start]`` becomes 0, 1, …, ascending with b, or −1 for numbers that are not needed; returns how many are.
-    """
-    ids[:] = -1
+def mark_needed(members, n, lengths, left, right, needed):
+    """Mark the ⟨P_b, x[start : start + |b|]⟩, by b and start, from which ⟨P_y, x⟩ follow for the words of a class."""
     for y in members:
-        _need(left[y], right[y], 0, lengths, ids)
-    for b in range(len(ids) - 1, 1, -1):
+        _mark(left[y], right[y], 0, lengths, needed)
+    for b in range(len(needed) - 1, 1, -1):
         for start in range(n):
-            if ids[b, start] >= 0:
-                _need(left[b], right[b], start, lengths, ids)
-    count = 0
-    for b in range(len(ids)):
-        for start in range(n):
-            if ids[b, start] >= 0:
-                ids[b, start] = count
-                count += 1
-    return count
+            if needed[b, start]:
+                _mark(left[b], right[b], start, lengths, needed)
 
 
 @kernel
-def _need(u, v, start, lengths, ids):
+def _mark(u, v, start, lengths, needed):
     """Mark the four numbers of ⟨[P_u, P_v], x[start:]⟩."""
-    ids[u, start] = ids[v, start + lengths[u]] = ids[v, start] = ids[u, start + lengths[v]] = 0
+    needed[u, start] = needed[v, start + lengths[u]] = needed[v, start] = needed[u, start + lengths[v]] = True
 
 
 @kernel
-def straight_line(members, n, lengths, left, right, ids, program, operands):
-    """The four numbers from which each number follows, and ⟨P_y, x⟩; for single letters the letter and its position."""
-    for i in range(len(members)):
-        _operands(left[members[i]], right[members[i]], 0, lengths, ids, operands[i])
-    for b in range(len(ids)):
-        for start in range(n):
-            k = ids[b, start]
-            if k >= 0:
-                if lengths[b] == 1:
-                    program[k, 0], program[k, 1] = b, start
-                else:
-                    _operands(left[b], right[b], start, lengths, ids, program[k])
-
-
-@kernel
-def _operands(u, v, start, lengths, ids, row):
-    row[0], row[1] = ids[u, start], ids[v, start + lengths[u]]
-    row[2], row[3] = ids[u, start + lengths[v]], ids[v, start]
-
-
-@kernel
-def solve_class(members, n, codes, program, letters, operands, wanted, residues, prime, work, found):
+def solve_class(members, n, codes, letters, program, operands, wanted, residues, prime, work, found):
     """Solve the triangular system of the words with equal letters, modulo 2^64 and modulo a prime below 2^31.
 
     The words `members`, ascending, have n ≤ 31 letters, so that |⟨P_b, x⟩| ≤ 2^(|b|−1) fits into 32 bits. `codes` has
-    the codes of all Lyndon words. `program` and `operands` are those of `straight_line`; the first `letters` rows are
-    single letters. `wanted` has the coefficients w_x modulo 2^64, and `residues` modulo the prime; the two columns of
-    `found` become the coordinates. `work` has rows of `LANES` entries: int32 with a row for each of `program` and one
-    more, two of int64.
+    the codes of all Lyndon words. The first numbers are whether x has certain letters at certain places; `program` has
+    the operands of the others, and `operands` those of ⟨P_y, x⟩. `wanted` has the coefficients w_x modulo 2^64, and
+    `residues` modulo the prime; the two columns of `found` become the coordinates. `work` has rows of `LANES` entries:
+    int32 with a row for each number and one more, two of int64.
     """
     values, sums, sums_modulo = work
-    size, count = len(members), len(program)
-    products = values[count]
+    size, first = len(members), len(letters)
+    products = values[first + len(program)]
     for start in range(0, size, LANES):
         stop = min(start + LANES, size)
-        for k in range(letters):
-            shift = n - 1 - program[k, 1]
+        for k in range(first):
+            shift = n - 1 - letters[k, 1]
             for lane in range(LANES):
                 x = codes[members[min(start + lane, size - 1)]]
-                values[k, lane] = (x >> shift) & 1 == program[k, 0]
-        for k in range(letters, count):
+                values[k, lane] = (x >> shift) & 1 == letters[k, 0]
+        for k in range(len(program)):
             a, b, c, d = values[program[k, 0]], values[program[k, 1]], values[program[k, 2]], values[program[k, 3]]
             for lane in range(LANES):
-                values[k, lane] = a[lane] * b[lane] - c[lane] * d[lane]
+                values[first + k, lane] = a[lane] * b[lane] - c[lane] * d[lane]
         sums[:], sums_modulo[:] = 0, 0
         for y in range(stop):
             if y >= start:

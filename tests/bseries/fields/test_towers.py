@@ -134,4 +134,4 @@ def test_truncated_polynomials_multiply():
 
 def test_a_function_without_a_known_differential_equation():
     with pytest.raises(bs.SeriesError, match="elementary functions, but has 'gamma'"):
-        taylor_polynomials.instruction_list(sympy.gamma(sympy.Symbol("x0")), 1, 2)
+        taylor_polynomials.InstructionList(sympy.gamma(sympy.Symbol("x0")), 1, 2)
