@@ -10,11 +10,11 @@ A derivative of order k has k arguments. Coefficients are formulas; the sign * b
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
+
+import sympy
 
 from bseries.course.equality import EXACTLY, equality, factor_between, first_wrong_power, has_digits
 from bseries.exceptions import SeriesError
@@ -25,10 +25,6 @@ from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import ELEMENTARY, parse_expression
 from trees import Tree
 
-if TYPE_CHECKING:
-    import sympy
-
-YES_NO = ("yes", "no")
 MOST_NODES = 6
 """Methods are compared, and their structure is tested, on trees with up to this number of nodes."""
 MOST_STAGES = 6
@@ -63,155 +59,106 @@ class Judgement(NamedTuple):
     remark: str
 
 
-class AnswerKind(ABC):
-    """A kind of answers; the truth with which one is compared depends on the kind."""
+class AnswerKind(NamedTuple):
+    """A kind of answers: how one is written, and a function of its text, the truth, and its name in messages.
 
-    @property
-    @abstractmethod
-    def form(self) -> str:
-        """How an answer is written."""
+    What the truth is depends on the kind. The function raises a SeriesError or an IntegratorError if it cannot read the
+    text.
+    """
 
-    @abstractmethod
-    def judge(self, text: str, truth: Any, argument: str) -> Judgement:
-        """Read an answer and compare it with the truth.
-
-        Args:
-            text: The answer.
-            truth: What it must be.
-            argument: The name of the answer in messages.
-
-        Raises:
-            SeriesError: The text is no answer of this kind.
-            IntegratorError: A formula in it cannot be read.
-        """
+    form: str
+    judge: Callable[[str, Any, str], Judgement]
 
 
-@dataclass(frozen=True)
-class Formulas(AnswerKind):
-    """Formulas in some symbols, or numbers; the truth is a tuple of formulas.
+def formulas(
+    names: Sequence[str] = (),
+    count: int = 1,
+    *,
+    constant: bool = False,
+    digits: int | None = None,
+    others: Mapping[str, Callable[[], Sequence[Any]]] = {},
+) -> AnswerKind:
+    """Formulas in some symbols, or numbers without symbols; the truth is a tuple of formulas.
 
-    Attributes:
-        names: The symbols; none for numbers.
+    Args:
+        names: The symbols.
         count: The number of formulas.
         constant: Whether they may differ from the truth by a constant.
         digits: The number of significant digits asked for; None for exact numbers.
         others: Formulas that a wrong answer may be, by a sentence on each.
     """
+    if names:
+        what = "a formula in" if count == 1 else f"{count} formulas, separated by commas, in"
+        form = f"{what} {', '.join(names)}{', up to a constant' if constant else ''}"
+    else:
+        form = "a number" if count == 1 else f"{count} numbers, separated by commas"
+        form += ", exactly" if digits is None else f", to {digits} significant digits"
+    # A factor h too many is a mistake to name, not an unknown symbol.
+    known = dict.fromkeys((*names, "h")) if names else ()
+    symbols = tuple(map(sympy.Symbol, known))
 
-    names: tuple[str, ...] = ()
-    count: int = 1
-    constant: bool = False
-    digits: int | None = None
-    others: Mapping[str, Callable[[], Sequence[Any]]] = field(default_factory=dict)
+    def judge_one(given: sympy.Expr, wanted: sympy.Expr, place: int) -> Judgement:
+        if digits is not None:
+            right = has_digits(given, wanted, digits)
+            return Judgement(right, f"equal to {digits} digits" if right else "differs")
+        alternatives = {sentence: make()[place] for sentence, make in others.items()}
+        return compare(given, wanted, symbols, alternatives, constant=constant)
 
-    @property
-    def form(self) -> str:
-        """How an answer is written."""
-        if not self.names:
-            one, many = "a number", f"{self.count} numbers, separated by commas"
-            exact = ", exactly" if self.digits is None else f", to {self.digits} significant digits"
-            return (one if self.count == 1 else many) + exact
-        what = "a formula in" if self.count == 1 else f"{self.count} formulas, separated by commas, in"
-        return f"{what} {', '.join(self.names)}{', up to a constant' if self.constant else ''}"
-
-    def judge(self, text: str, truth: Any, argument: str) -> Judgement:
-        """Compare formula by formula."""
-        import sympy
-
+    def judge(text: str, truth: Any, argument: str) -> Judgement:
         entries = split_row(text)
-        if len(entries) != self.count:
-            raise SeriesError(f"{argument} must be {self.form}, but had {len(entries)} entries")
-        # A factor h too many is a mistake to name, not an unknown symbol.
-        names = dict.fromkeys((*self.names, "h")) if self.names else ()
-        symbols = tuple(map(sympy.Symbol, names))
-        remarks = list[str]()
-        for k, (entry, wanted) in enumerate(zip(entries, truth, strict=True), 1):
-            given = parse_expression(entry, names=names, functions=ELEMENTARY, argument=argument)
-            others = {sentence: make()[k - 1] for sentence, make in self.others.items()}
-            exact = sympy.sympify(wanted, strict=True)
-            if self.digits is not None:
-                right = has_digits(given, exact, self.digits)
-                found = Judgement(right, f"equal to {self.digits} digits" if right else "differs")
-            else:
-                found = compare(given, exact, symbols, others, constant=self.constant)
+        if len(entries) != count:
+            raise SeriesError(f"{argument} must be {form}, but had {len(entries)} entries")
+        remark = EXACTLY
+        for place, (entry, wanted) in enumerate(zip(entries, truth, strict=True)):
+            given = parse_expression(entry, names=known, functions=ELEMENTARY, argument=argument)
+            found = judge_one(given, sympy.sympify(wanted, strict=True), place)
             if not found.right:
-                return Judgement(False, found.remark if self.count == 1 else f"entry {k}: {found.remark}")
-            remarks.append(found.remark)
-        return Judgement(True, next((remark for remark in remarks if remark != EXACTLY), EXACTLY))
+                return found if count == 1 else Judgement(False, f"entry {place + 1}: {found.remark}")
+            remark = found.remark if remark == EXACTLY else remark
+        return Judgement(True, remark)
+
+    return AnswerKind(form, judge)
 
 
-@dataclass(frozen=True)
-class Differentials(AnswerKind):
-    """A linear combination of elementary differentials; the truth maps trees to its coefficients.
+def differentials(names: Sequence[str] = ()) -> AnswerKind:
+    """A linear combination of elementary differentials; the truth maps trees to its coefficients in these symbols."""
+    symbols = f", with coefficients in {', '.join(names)}" if names else ""
 
-    Attributes:
-        names: The symbols in coefficients.
-        others: Combinations that a wrong answer may be, by a sentence on each.
-    """
-
-    names: tuple[str, ...] = ()
-    others: Mapping[str, Callable[[], Mapping[Any, Any]]] = field(default_factory=dict)
-
-    @property
-    def form(self) -> str:
-        """How an answer is written."""
-        symbols = f", with coefficients in {', '.join(self.names)}" if self.names else ""
-        return f"elementary differentials, such as 1/2*f'f - 1/3*f''(f,f'f){symbols}"
-
-    def judge(self, text: str, truth: Any, argument: str) -> Judgement:
-        """Compare the combinations as formulas in symbols of the differentials."""
-        import sympy
-
-        names = tuple(dict.fromkeys((*self.names, "h")))
-        given = read_differentials(text, names=names, argument=argument)
+    def judge(text: str, truth: Any, argument: str) -> Judgement:
+        given = read_differentials(text, names=dict.fromkeys((*names, "h")), argument=argument)
         wanted = combination(truth)
-        others = {sentence: combination(make()) for sentence, make in self.others.items()}
-        symbols = {*map(sympy.Symbol, names), *given.free_symbols, *wanted.free_symbols}
-        return compare(given, wanted, sorted(symbols, key=str), others)
+        symbols = {sympy.Symbol(name) for name in (*names, "h")} | given.free_symbols | wanted.free_symbols
+        return compare(given, wanted, sorted(symbols, key=str))
+
+    return AnswerKind(f"elementary differentials, such as 1/2*f'f - 1/3*f''(f,f'f){symbols}", judge)
 
 
-@dataclass(frozen=True)
-class Choices(AnswerKind):
-    """One of several words for each of several things; the truth is a tuple of words.
+def choices(things: Sequence[str] = ("",), words: Sequence[str] = ("yes", "no")) -> AnswerKind:
+    """One of several words for each of several things, in order; the truth is a tuple of words."""
+    form = " or ".join(words)
+    if len(things) > 1:
+        form += f" for each, separated by commas: {', '.join(things)}"
 
-    Attributes:
-        things: What is to be decided, in order.
-        words: The words.
-    """
-
-    things: tuple[str, ...] = ("",)
-    words: tuple[str, ...] = YES_NO
-
-    @property
-    def form(self) -> str:
-        """How an answer is written."""
-        words = " or ".join(self.words)
-        return words if len(self.things) == 1 else f"{words} for each, separated by commas: {', '.join(self.things)}"
-
-    def judge(self, text: str, truth: Any, argument: str) -> Judgement:
-        """Count the words that differ, without telling which."""
+    def judge(text: str, truth: Any, argument: str) -> Judgement:
         given = [word.strip().lower() for word in text.split(",")]
-        if len(given) != len(self.things) or not set(given) <= set(self.words):
-            raise SeriesError(f"{argument} must be {self.form}; but was {shorten(text)!r}")
+        if len(given) != len(things) or not set(given) <= set(words):
+            raise SeriesError(f"{argument} must be {form}; but was {shorten(text)!r}")
         wrong = sum(one != other for one, other in zip(given, truth, strict=True))
+        # Which ones are wrong would tell the answer.
         return Judgement(not wrong, f"{wrong} of {len(given)} wrong" if wrong and len(given) > 1 else "")
 
+    return AnswerKind(form, judge)
 
-@dataclass(frozen=True)
-class Tableau(AnswerKind):
+
+def tableau() -> AnswerKind:
     """A Runge–Kutta tableau; the truth is a function that says what a method lacks, or nothing."""
+    form = "a tableau: the rows of A and then b, separated by semicolons, as in 0, 0; 1/2, 0; 0, 1"
 
-    @property
-    def form(self) -> str:
-        """How an answer is written."""
-        return "a tableau: the rows of A and then b, separated by semicolons, as in 0, 0; 1/2, 0; 0, 1"
-
-    def judge(self, text: str, truth: Any, argument: str) -> Judgement:
-        """Read the tableau, and ask what it lacks."""
+    def judge(text: str, truth: Any, argument: str) -> Judgement:
         *rows, weights = [split_row(row) for row in text.split(";")]
         if not 1 <= len(rows) <= MOST_STAGES or any(len(row) != len(rows) for row in (*rows, weights)):
             raise SeriesError(
-                f"{argument} must be {self.form}, s + 1 rows of s entries with s up to {MOST_STAGES}, "
+                f"{argument} must be {form}, s + 1 rows of s entries with s up to {MOST_STAGES}, "
                 f"but was {shorten(text)!r}"
             )
         method = RungeKutta(rows, weights, name=argument, warn=False)
@@ -223,9 +170,16 @@ class Tableau(AnswerKind):
         lacks = truth(method)
         return Judgement(not lacks, lacks or f"tested on all trees with up to {MOST_NODES} nodes")
 
+    return AnswerKind(form, judge)
+
 
 def compare(
-    given: sympy.Expr, wanted: sympy.Expr, symbols: Sequence[Any], others: Mapping[str, Any], *, constant: bool = False
+    given: sympy.Expr,
+    wanted: sympy.Expr,
+    symbols: Sequence[Any],
+    others: Mapping[str, Any] = {},
+    *,
+    constant: bool = False,
 ) -> Judgement:
     """Compare two formulas, up to a constant if asked; the remark says how a wrong one differs."""
     found = equality(given, wanted, symbols, constant=constant)
@@ -247,21 +201,11 @@ def compare(
 
 def differential_symbol(tree: Tree) -> sympy.Symbol:
     """The symbol that stands for the elementary differential of a tree in formulas."""
-    import sympy
-
     return sympy.Symbol("F" + "_".join(map(str, tree.levels)))
 
 
 def read_differentials(text: str, *, names: Iterable[str] = (), argument: str = "formula") -> sympy.Expr:
-    """A combination of elementary differentials as a formula in their symbols (`differential_symbol`).
-
-    Args:
-        text: The combination.
-        names: The symbols in coefficients.
-        argument: The name of the text in messages.
-
-    Raises:
-        SeriesError: The text is no linear combination of elementary differentials.
+    """A combination of elementary differentials, with coefficients in symbols, as a formula in theirs.
 
     Example:
         >>> formula = read_differentials("h/2 f'f - (1/3)*f''(f, f'(f))", names=["h"])
@@ -270,8 +214,6 @@ def read_differentials(text: str, *, names: Iterable[str] = (), argument: str = 
         >>> formula.coeff(differential_symbol(Tree("[τ,[τ]]")))
         -1/3
     """
-    import sympy
-
     reader = _Reader(text, argument)
     written = reader.written()
     try:
@@ -288,8 +230,6 @@ def read_differentials(text: str, *, names: Iterable[str] = (), argument: str = 
 
 def combination(coefficients: Mapping[Tree, Any]) -> sympy.Expr:
     """The formula of Σ c(τ) F(τ) in the symbols of elementary differentials."""
-    import sympy
-
     return sympy.Add(*(sympy.sympify(c, strict=True) * differential_symbol(tree) for tree, c in coefficients.items()))
 
 

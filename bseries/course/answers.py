@@ -22,27 +22,16 @@ RIGHT, WRONG, UNREADABLE = "right", "wrong", "unreadable"
 
 
 class CheckedAnswer(NamedTuple):
-    """An answer and its verdict.
+    """An answer and its verdict."""
 
-    Attributes:
-        key: The key of the question.
-        text: The answer.
-        verdict: ``"right"``, ``"wrong"`` or ``"unreadable"``.
-        remark: How a right answer was decided, in what a wrong one differs, or what an unreadable one must be.
-    """
-
-    key: str
+    key: str  # of the question
     text: str
-    verdict: str
-    remark: str
+    verdict: str  # right, wrong or unreadable
+    remark: str  # how a right answer was decided, in what a wrong one differs, or what an unreadable one must be
 
 
 class CheckedAnswers(NamedTuple):
     """The answers to the exercises that were given, checked; `check_answers` makes it.
-
-    Attributes:
-        answers: The answers in the order of the exercises.
-        open: The keys of questions without an answer.
 
     Example:
         >>> checked = check_answers("16c = yes, no, no")
@@ -52,8 +41,8 @@ class CheckedAnswers(NamedTuple):
         '2 of 3 wrong'
     """
 
-    answers: tuple[CheckedAnswer, ...]
-    open: tuple[str, ...]
+    answers: tuple[CheckedAnswer, ...]  # in the order of the exercises
+    open: tuple[str, ...]  # the keys of questions without an answer
 
     @property
     def right(self) -> int:
@@ -81,14 +70,10 @@ class CheckedAnswers(NamedTuple):
 
     def to_table(self) -> Table:
         """The verdicts as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON."""
+        answer = Column("answer", get=lambda answer: shorten(answer.text))
         return Table(
             f"Answers: {self.right} of {len(self.answers)} right",
-            (
-                Column("key"),
-                Column("answer", get=lambda answer: shorten(answer.text)),
-                Column("verdict"),
-                Column("remark"),
-            ),
+            (Column("key"), answer, Column("verdict"), Column("remark")),
             self.answers,
             [f"No answers to {', '.join(self.open)}."] if self.open else [],
             data=self.to_dict,

@@ -39,15 +39,10 @@ ACCENT = re.compile(rf'(<mo accent="true">)([{"".join(SPACING)}])(</mo>)')
 
 
 class Picture(NamedTuple):
-    """A figure as a file.
-
-    Attributes:
-        content: The contents of the file.
-        suffix: svg or png.
-    """
+    """A figure as a file."""
 
     content: bytes
-    suffix: str
+    suffix: str  # svg or png
 
     @property
     def address(self) -> str:
@@ -56,8 +51,7 @@ class Picture(NamedTuple):
         return f"data:image/{kind};base64,{b64encode(self.content).decode()}"
 
 
-Pictures = Mapping[str, Picture]
-"""Figures by name."""
+Pictures = Mapping[str, Picture]  # by name of the figure
 
 
 def parsed(text: str) -> Element:
@@ -82,16 +76,7 @@ def without(document: Element, kind: str) -> Element:
 
 
 def html_page(document: Element, title: str, layout: str, pictures: Pictures) -> bytes:
-    """One HTML file with everything in it: formulas in MathML, pictures as data.
-
-    Args:
-        document: From `parsed`.
-        title: The title.
-        layout: slides or sheets: the name of a template.
-        pictures: The figures that the document shows.
-
-    Raises:
-        MissingPackage: pandoc is not installed.
+    """One HTML file with everything in it, by the template slides or sheets: formulas in MathML, pictures as data.
 
     Example:
         >>> page = html_page(parsed("$$ y' = f(y) \\\\tag{1} $$"), "One formula", "sheets", {}).decode()
@@ -127,10 +112,7 @@ def html_page(document: Element, title: str, layout: str, pictures: Pictures) ->
 
 
 def pdf_pages(document: Element, title: str, layout: str, pictures: Pictures) -> bytes:
-    """A PDF, set by typst with the template of a layout; arguments are those of `html_page`.
-
-    Raises:
-        MissingPackage: pandoc or typst is not installed.
+    """A PDF, set by typst with the template of a layout.
 
     Example:
         >>> pdf_pages(parsed("A *word*."), "One word", "sheets", {})[:5]
@@ -222,19 +204,12 @@ def _pandoc(text: str, to: str, source: str, *options: str) -> str:
 
 
 class Document(NamedTuple):
-    """A document of the course.
+    """A document of the course."""
 
-    Attributes:
-        source: The Markdown file beside this one.
-        title: The title.
-        layout: The templates of its pages: slides or sheets.
-        left_out: The class of blocks that are left out.
-    """
-
-    source: str
+    source: str  # the Markdown file beside this one
     title: str
-    layout: str
-    left_out: str = ""
+    layout: str  # the templates of its pages: slides or sheets
+    left_out: str = ""  # the class of blocks that are left out
 
 
 LARGEST = 1_000_000
@@ -265,17 +240,12 @@ def make_course(
 
     Args:
         folder: A folder that is there.
-        documents: Names of documents: slides, handout, exercises (without solutions), solutions (with them).
-        formats: html, pdf, or both.
+        documents: Some of `DOCUMENTS`.
+        formats: Some of `FORMATS`.
         progress: Called with the work done and all work.
 
     Returns:
         The files, such as ``slides.html``. Each replaces an older one when it is complete.
-
-    Raises:
-        SeriesError: There is no document or format of a name.
-        IntegratorError: A file cannot be written.
-        MissingPackage: matplotlib, pandoc or typst is not installed.
 
     Example:
         >>> from tempfile import mkdtemp
@@ -313,13 +283,6 @@ def make_course(
 
 def drawn_picture(name: str) -> Picture:
     """A figure, drawn with lines unless that were too large.
-
-    Args:
-        name: One of `bs.figure_names()`.
-
-    Raises:
-        SeriesError: There is no figure of this name.
-        MissingPackage: matplotlib is not installed.
 
     Example:
         >>> drawn_picture("theorem-3").suffix

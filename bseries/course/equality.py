@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from random import Random
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import mpmath
+import sympy
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
-
-if TYPE_CHECKING:
-    import sympy
 
 DIGITS, AGREEING = 80, 50
 """Digits of values at a point, and how many of them must agree."""
@@ -50,19 +50,11 @@ class Sample(NamedTuple):
 
 
 def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False) -> str:
-    """How two formulas are found equal, `EXACTLY` or `AT_POINTS`; empty if they differ.
+    """How two formulas are found equal, `EXACTLY` or `AT_POINTS`, maybe up to a constant; empty if they differ.
 
-    Args:
-        first: A formula.
-        second: The formula to which it is compared. Points where this one is not real do not count.
-        symbols: The variables.
-        constant: Whether they may differ by a constant.
-
-    Raises:
-        SeriesError: The second formula is real at too few points.
+    Points where the second one is not real do not count.
 
     Example:
-        >>> import sympy
         >>> q = sympy.Symbol("q")
         >>> equality(sympy.cos(2 * q), 1 - 2 * sympy.sin(q) ** 2, [q])
         'equal exactly'
@@ -73,8 +65,6 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
         >>> equality(1 + sympy.exp(-200), sympy.Integer(1), [])
         ''
     """
-    import mpmath
-
     samples = _at_points(first, second, symbols)
     if any(sample.first is None for sample in samples):
         return ""
@@ -102,13 +92,10 @@ def factor_between(
     c is a rational number with a small denominator, and k one of `POWERS` if h is a symbol. Up to a constant, k is 0.
 
     Example:
-        >>> import sympy
         >>> h, p = sympy.symbols("h p")
         >>> factor_between(-h * p / 2, p, [p, h]), factor_between(p + 1, p, [p, h])
         ('-1/2*h', '')
     """
-    import mpmath
-
     start, *samples = _at_points(first, second, symbols)
     if start.first is None or any(sample.first is None for sample in samples):
         return ""
@@ -132,13 +119,10 @@ def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[s
     """The lowest power of h in the difference of two different formulas; 0 if h is no symbol or the power is no number.
 
     Example:
-        >>> import sympy
         >>> h, y = sympy.symbols("h y")
         >>> first_wrong_power(y**2 - h * y**3, y**2 - h * y**3 + h**2 * y**4, [y, h])
         2
     """
-    import mpmath
-
     h, found = next((symbol for symbol in symbols if symbol.name == "h"), None), set[int]()
     if h is None:
         return 0
@@ -157,12 +141,9 @@ def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
     """Whether a number differs from another, not zero, by at most half a unit of its last significant digit.
 
     Example:
-        >>> import sympy
         >>> [has_digits(sympy.Rational(x), sympy.pi, 3) for x in ("3.14", "3.1416", "3.15")]
         [True, True, False]
     """
-    import mpmath
-
     with mpmath.workdps(DIGITS):
         x, y = _real(given, {}), value(number, {})
         unit = mpmath.mpf(10) ** (int(mpmath.floor(mpmath.log10(abs(y)))) + 1 - digits)
@@ -171,8 +152,6 @@ def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
 
 def agree(first: Any, second: Any) -> bool:
     """Whether two numbers of mpmath agree to `AGREEING` digits, or to as many places where both are small."""
-    import mpmath
-
     return abs(first - second) <= mpmath.mpf(10) ** -AGREEING * max(1, abs(first), abs(second))
 
 
@@ -182,8 +161,6 @@ def value(formula: Any, point: Mapping[Any, Any]) -> Any:
     Raises:
         ArithmeticError: The value, or that of a part, is not real, not finite or too large.
     """
-    import mpmath
-
     if formula.is_Symbol:
         return point[formula]
     parts = [value(part, point) for part in formula.args]
@@ -207,8 +184,6 @@ def _at_points(
     first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] | None = None
 ) -> list[Sample]:
     """Both formulas at `POINTS` random points where the second one is real, with fixed values of some symbols."""
-    import mpmath
-
     random, found = Random(1), list[Sample]()
     with mpmath.workdps(DIGITS):
         for _ in range(TRIED):

@@ -8,8 +8,11 @@ from functools import cache
 from functools import partial as of
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import sympy
+
 import bseries as bs
-from bseries.course.answer_kinds import MOST_NODES, AnswerKind, Choices, Differentials, Formulas, Tableau
+from bseries.course.answer_kinds import MOST_NODES, AnswerKind, choices, formulas, tableau
+from bseries.course.answer_kinds import differentials as differentials_in
 
 if TYPE_CHECKING:
     from integrators.methods.programs.program import Method
@@ -23,34 +26,21 @@ IN_Q = "is that of the variant implicit in q"
 MISPRINT = "p^2*cos(q)/12 + sin(q)^2/24"
 """The formula of exercise 10, in which one sign is wrong."""
 IN_PLANE_AND_SPACE = ("in dimension 2", "in dimension 3")
+h, p, q, y, z, omega, gamma = sympy.symbols("h p q y z omega gamma")
 
 
 class Question(NamedTuple):
-    """A question of an exercise.
+    """A question of an exercise."""
 
-    Attributes:
-        key: The number of the exercise and a letter.
-        asks: What is asked, in a few words.
-        kind: How it is answered.
-        truth: Computes what the answer must be, in the form that its kind compares.
-    """
-
-    key: str
-    asks: str
-    kind: AnswerKind
-    truth: Callable[[], Any]
+    key: str  # the number of the exercise and a letter
+    asks: str  # what is asked, in a few words
+    kind: AnswerKind  # how it is answered
+    truth: Callable[[], Any]  # computes what the answer must be, in the form that its kind compares
 
 
 def yes_no(found: Iterable[bool]) -> tuple[str, ...]:
     """Truth values as words."""
     return tuple("yes" if holds else "no" for holds in found)
-
-
-def symbols(names: str) -> Any:
-    """Symbols by their names."""
-    import sympy
-
-    return sympy.symbols(names, seq=True)
 
 
 # Exercises 1, 2 and 6: modified equations on scenes.
@@ -59,13 +49,12 @@ def symbols(names: str) -> Any:
 @cache
 def riccati(name: str) -> tuple[Any, ...]:
     """The coefficients c_0, …, c_4 of the modified equation y' = Σ c_k h^k y^(k+2) of a method for y' = y²."""
-    series, (y,) = bs.modified_field(name, "riccati", 5), symbols("y")
+    series = bs.modified_field(name, "riccati", 5)
     return tuple((series.symbolic(k)[0] / y ** (k + 2)).cancel() for k in range(5))
 
 
 def riccati_field(name: str) -> tuple[Any]:
     """The right-hand side of this equation."""
-    y, h = symbols("y h")
     return (sum(c * h**k * y ** (k + 2) for k, c in enumerate(riccati(name))),)
 
 
@@ -104,11 +93,9 @@ def _polar() -> Any:
 
 def angular_momentum() -> tuple[Any]:
     """p_phi in polar coordinates."""
-    import sympy
-
-    formulas, unknown = _polar().formulas, symbols("p_r p_phi")
-    equations = [sympy.Symbol(name) - formulas[name] for name in ("p1", "p2")]
-    return (sympy.solve(equations, unknown)[unknown[1]],)
+    p_r, p_phi = sympy.symbols("p_r p_phi")
+    equations = [sympy.Symbol(name) - _polar().formulas[name] for name in ("p1", "p2")]
+    return (sympy.solve(equations, [p_r, p_phi])[p_phi],)
 
 
 def polar_kepler() -> tuple[Any]:
@@ -142,9 +129,7 @@ def averaged_quartic() -> tuple[Any]:
 
 def scaling_factor() -> tuple[Any]:
     """c in z' = c J⁻¹ ∇K(z) for K(P, Q) = H(2P, 3Q): the factor of {p, q} = {2P, 3Q} = 6 {P, Q}, inverted."""
-    import sympy
-
-    P, Q = symbols("P Q")
+    P, Q = sympy.symbols("P Q")
     return (1 / sympy.Matrix([2 * P, 3 * Q]).jacobian([P, Q]).det(),)
 
 
@@ -156,13 +141,11 @@ def _field_nijhoff() -> Any:
 
 def field_nijhoff() -> tuple[Any]:
     """Its closed form in terms of I = (1 + p)(1 + q): at p = I − 1, q = 0."""
-    p, q, invariant, h = symbols("p q I h")
-    return (_field_nijhoff().expression(h).subs({p: invariant - 1, q: 0}),)
+    return (_field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),)
 
 
 def field_nijhoff_radius() -> tuple[Any]:
     """Its radius of convergence at (p, q) = (1, 2)."""
-    p, q = symbols("p q")
     return (_field_nijhoff().radius.subs({p: 1, q: 2}),)
 
 
@@ -182,8 +165,6 @@ def theta_method() -> bs.RungeKutta:
 
 def theta_of_order_2() -> tuple[Any, ...]:
     """The zero of f_2."""
-    import sympy
-
     (coefficient,) = differentials(theta_method(), 2).values()
     return tuple(sympy.solve(coefficient))
 
@@ -293,52 +274,37 @@ def tall_coefficients(name: str) -> tuple[Any, ...]:
 
 def numerical_frequency(name: str) -> tuple[Any]:
     """The frequency of a method for the oscillator (p² + ω² q²)/2; it is ω times that for ω = 1 with the step ωh."""
-    h, omega, p, q = symbols("h omega p q")
     closed = bs.hamiltonians.closed_hamiltonian(name, bs.parse_hamiltonian("(p^2 + q^2)/2")).expression(h)
     return ((closed / ((p**2 + q**2) / 2) * omega).cancel().subs(h, h * omega),)
 
 
 def radii(names: Iterable[str]) -> tuple[Any, ...]:
     """The radius of convergence of log R(z): the least modulus of a zero or a pole of R."""
-    import sympy
-
-    (z,) = symbols("z")
     functions = [bs.stability_function(name) for name in names]
     products = [_polynomial(R.numerator, z) * _polynomial(R.denominator, z) for R in functions]
     return tuple(min(map(abs, sympy.roots(product, z))) for product in products)
 
 
-def _polynomial(coefficients: Iterable[Any], z: Any) -> Any:
+def _polynomial(coefficients: Iterable[Any], at: Any) -> Any:
     """Σ c_k z^k."""
-    import sympy
-
-    return sympy.Add(*(sympy.sympify(c, strict=True) * z**k for k, c in enumerate(coefficients)))
+    return sympy.Add(*(sympy.sympify(c, strict=True) * at**k for k, c in enumerate(coefficients)))
 
 
 def energy_factor(name: str) -> tuple[Any]:
     """|R(ih)|² of an explicit method, by which the energy of the oscillator with frequency 1 is multiplied."""
-    import sympy
-
-    (h,) = symbols("h")
     x = sympy.Symbol("x", real=True)
     value = sympy.expand(_polynomial(bs.stability_function(name).numerator, sympy.I * x))
     return (sympy.expand(sympy.re(value) ** 2 + sympy.im(value) ** 2).subs(x, h),)
 
 
-def steps_to_half(name: str, h: Fraction) -> tuple[Any]:
+def steps_to_half(name: str, step: Fraction) -> tuple[Any]:
     """The number n of steps, as a real number, with |R(ih)|^(2n) = 1/2."""
-    import sympy
-
-    (factor,) = energy_factor(name)
-    return (-sympy.log(2) / sympy.log(factor.subs(symbols("h")[0], sympy.Rational(h))),)
+    return (-sympy.log(2) / sympy.log(energy_factor(name)[0].subs(h, sympy.Rational(step))),)
 
 
-def energy_after(name: str, h: Fraction, steps: int) -> tuple[Any]:
+def energy_after(name: str, step: Fraction, steps: int) -> tuple[Any]:
     """The energy after some steps in units of that at the start."""
-    import sympy
-
-    (factor,) = energy_factor(name)
-    return (factor.subs(symbols("h")[0], sympy.Rational(h)) ** steps,)
+    return (energy_factor(name)[0].subs(h, sympy.Rational(step)) ** steps,)
 
 
 # Exercises 10, 14 and 15: modified Hamiltonians.
@@ -360,10 +326,7 @@ def largest_energy_error() -> tuple[Any]:
 
     On it p² = 2 (E + c) and sin² q = 1 − c² with c = cos q.
     """
-    import sympy
-
-    p, q, c = symbols("p q c")
-    E = sympy.Rational(5, 2) ** 2 / 2 - 1
+    c, E = sympy.Symbol("c"), sympy.Rational(5, 2) ** 2 / 2 - 1
     (term,) = energy_term("symplectic-euler-p", 1)
     square = (term**2).subs(sympy.sin(q), sympy.sqrt(1 - c**2)).subs(p, sympy.sqrt(2 * (E + c)))
     turning = [root for root in sympy.solve(square.diff(c), c) if abs(root) < 1]
@@ -381,17 +344,15 @@ def splitting_coefficients() -> tuple[Any, ...]:
 
 def best_splitting() -> tuple[Any, ...]:
     """γ for which the first one vanishes, and the value of the second one there."""
-    import sympy
-
     first, second = (sympy.sympify(c, strict=True) for c in splitting_coefficients())
-    (gamma,) = sympy.solve(first)
-    return gamma, second.subs(symbols("gamma")[0], gamma)
+    (root,) = sympy.solve(first)
+    return root, second.subs(gamma, root)
 
 
 def gradient_factor() -> tuple[Any]:
     """κ for which a kick in the middle with U − κ h² |∇U|² cancels the rest: (1 − 2γ) κ is that rest."""
-    gamma, rest = best_splitting()
-    return (rest / (1 - 2 * gamma),)
+    root, rest = best_splitting()
+    return (rest / (1 - 2 * root),)
 
 
 # Exercise 16: the counter-example.
@@ -404,10 +365,8 @@ def _pendulum(wave: str) -> Any:
 
 def third_derivative_integral() -> tuple[Any]:
     """∮ U_qqq U_q² dq for U = −cos q + ε sin 2q, a polynomial of degree 3 in ε, from its values at four of them."""
-    import sympy
-
     values = [(k, bs.hamiltonians.takahashi_imada_integral(_pendulum(f"{k}*sin(2*q)"))) for k in range(4)]
-    return (sympy.interpolate(values, symbols("eps")[0]),)
+    return (sympy.interpolate(values, sympy.Symbol("eps")),)
 
 
 def gain_per_turn() -> tuple[Any]:
@@ -425,92 +384,92 @@ def drifting(waves: Iterable[str]) -> tuple[str, ...]:
 QUESTIONS = (
     Question(
         "1a", "c_1, c_2, c_3, c_4 of the implicit Euler method",
-        Formulas(count=4, others={"is that of the explicit Euler method": lambda: riccati(EULER)[1:]}),
+        formulas(count=4, others={"is that of the explicit Euler method": lambda: riccati(EULER)[1:]}),
         lambda: riccati("implicit-euler")[1:],
     ),
     Question(
         "1b", "the right-hand side through h^4 for the implicit midpoint rule",
-        Formulas(Y_H, others={"is that of the trapezoidal rule": of(riccati_field, "trapezoidal")}),
+        formulas(Y_H, others={"is that of the trapezoidal rule": of(riccati_field, "trapezoidal")}),
         of(riccati_field, MIDPOINT),
     ),
     Question(
         "1c", "the right-hand side through h^4 for the trapezoidal rule",
-        Formulas(Y_H, others={"is that of the midpoint rule": of(riccati_field, MIDPOINT)}),
+        formulas(Y_H, others={"is that of the midpoint rule": of(riccati_field, MIDPOINT)}),
         of(riccati_field, "trapezoidal"),
     ),
     Question(
         "1d", "does the modified equation of the trapezoidal rule have a term with h^7?",
-        Choices(), lambda: yes_no([bs.modified_field("trapezoidal", "riccati", 8).symbolic(7)[0] != 0]),
+        choices(), lambda: yes_no([bs.modified_field("trapezoidal", "riccati", 8).symbolic(7)[0] != 0]),
     ),
-    Question("2a", "the first integral I = p + ...", Formulas(P_Q, constant=True), of(lotka_volterra, 0)),
+    Question("2a", "the first integral I = p + ...", formulas(P_Q, constant=True), of(lotka_volterra, 0)),
     Question(
         "2b", "I_2 for the symplectic Euler method",
-        Formulas(P_Q, constant=True, others={IN_Q: of(lotka_volterra, 1, EULER_Q)}),
+        formulas(P_Q, constant=True, others={IN_Q: of(lotka_volterra, 1, EULER_Q)}),
         of(lotka_volterra, 1, EULER_P),
     ),
-    Question("2c", "is there an I_2 for the explicit Euler method?", Choices(), of(has_integral, EULER)),
-    Question("3a", "p_phi", Formulas(("p1", "p2", "r", "phi")), angular_momentum),
-    Question("3b", "K for Kepler's problem", Formulas(POLAR), polar_kepler),
-    Question("3c", "K(P, Q) for Q = log q", Formulas(("P", "Q")), logarithmic_kepler),
-    Question("4a", "K(a, theta)", Formulas(("a", "theta")), quartic_oscillator),
-    Question("4b", "the mean of K - 2 a over theta", Formulas(("a",)), averaged_quartic),
-    Question("4c", "the number c", Formulas(), scaling_factor),
+    Question("2c", "is there an I_2 for the explicit Euler method?", choices(), of(has_integral, EULER)),
+    Question("3a", "p_phi", formulas(("p1", "p2", "r", "phi")), angular_momentum),
+    Question("3b", "K for Kepler's problem", formulas(POLAR), polar_kepler),
+    Question("3c", "K(P, Q) for Q = log q", formulas(("P", "Q")), logarithmic_kepler),
+    Question("4a", "K(a, theta)", formulas(("a", "theta")), quartic_oscillator),
+    Question("4b", "the mean of K - 2 a over theta", formulas(("a",)), averaged_quartic),
+    Question("4c", "the number c", formulas(), scaling_factor),
     Question(
         "5a", "the coefficient of h^3 in the modified Hamiltonian",
-        Formulas(P_Q), of(energy_term, EULER_P, 3, "field-nijhoff"),
+        formulas(P_Q), of(energy_term, EULER_P, 3, "field-nijhoff"),
     ),
-    Question("5b", "the sum of the series", Formulas(("I", "h")), field_nijhoff),
-    Question("5c", "the radius of convergence at (p, q) = (1, 2)", Formulas(), field_nijhoff_radius),
-    Question("6a", "div f_2 of the explicit Euler method", Formulas(X_Y_Z), of(abc_divergence, EULER, 1)),
-    Question("6b", "div f_3 of the implicit midpoint rule", Formulas(X_Y_Z), of(abc_divergence, MIDPOINT, 2)),
-    Question("6c", "is volume preserved?", Choices(IN_PLANE_AND_SPACE), midpoint_preserves_volume),
-    Question("7a", "f_2", Differentials(("theta",)), lambda: differentials(theta_method(), 2)),
-    Question("7b", "f_3", Differentials(("theta",)), lambda: differentials(theta_method(), 3)),
-    Question("7c", "theta for order 2", Formulas(), theta_of_order_2),
-    Question("8a", "b_3, b_5", Formulas(count=2), of(tall_coefficients, MIDPOINT)),
-    Question("8b", "the frequency", Formulas(("omega", "h")), of(numerical_frequency, MIDPOINT)),
-    Question("8c", "both radii of convergence", Formulas(count=2), of(radii, (EULER, MIDPOINT))),
+    Question("5b", "the sum of the series", formulas(("I", "h")), field_nijhoff),
+    Question("5c", "the radius of convergence at (p, q) = (1, 2)", formulas(), field_nijhoff_radius),
+    Question("6a", "div f_2 of the explicit Euler method", formulas(X_Y_Z), of(abc_divergence, EULER, 1)),
+    Question("6b", "div f_3 of the implicit midpoint rule", formulas(X_Y_Z), of(abc_divergence, MIDPOINT, 2)),
+    Question("6c", "is volume preserved?", choices(IN_PLANE_AND_SPACE), midpoint_preserves_volume),
+    Question("7a", "f_2", differentials_in(("theta",)), lambda: differentials(theta_method(), 2)),
+    Question("7b", "f_3", differentials_in(("theta",)), lambda: differentials(theta_method(), 3)),
+    Question("7c", "theta for order 2", formulas(), theta_of_order_2),
+    Question("8a", "b_3, b_5", formulas(count=2), of(tall_coefficients, MIDPOINT)),
+    Question("8b", "the frequency", formulas(("omega", "h")), of(numerical_frequency, MIDPOINT)),
+    Question("8c", "both radii of convergence", formulas(count=2), of(radii, (EULER, MIDPOINT))),
     Question(
         "9a", "the orders of the steps A, B, C",
-        Formulas(count=3), lambda: tuple(bs.order_of(bs.trace(step)) for step in STEPS),
+        formulas(count=3), lambda: tuple(bs.order_of(bs.trace(step)) for step in STEPS),
     ),
-    Question("9b", "f_3 of step B", Differentials(), lambda: differentials(bs.trace(taylor), 3)),
-    Question("9c", "step C", Tableau(), lambda: same_as(bs.trace(extrapolated_euler))),
+    Question("9b", "f_3 of step B", differentials_in(), lambda: differentials(bs.trace(taylor), 3)),
+    Question("9c", "step C", tableau(), lambda: same_as(bs.trace(extrapolated_euler))),
     Question(
         "10a", "the term with h^2, without h^2",
-        Formulas(P_Q, others={"is the formula of the notes": lambda: (bs.parse_hamiltonian(MISPRINT).hamiltonian,)}),
+        formulas(P_Q, others={"is the formula of the notes": lambda: (bs.parse_hamiltonian(MISPRINT).hamiltonian,)}),
         of(energy_term, VERLET, 2),
     ),
-    Question("10b", "the 3/8 rule", Tableau(), lambda: same_as(bs.method("rk38"))),
-    Question("10c", "the order of the tableau in the notes", Formulas(), order_of_misprint),
-    Question("11a", "the adjoint of Ralston's method", Tableau(), lambda: same_as(ralston_adjoint())),
-    Question("11b", "s_2, s_3, s_4, s_5", Formulas(count=4), adjoint_signs),
-    Question("11c", "f_3 of the composition", Differentials(), lambda: differentials(symmetrized_ralston(), 3)),
-    Question("12a", "which are symplectic?", Choices(tuple(METHODS)), of(which_are, bs.symplecticity)),
-    Question("12b", "which are symmetric?", Choices(tuple(METHODS)), of(which_are, bs.symmetry)),
-    Question("12c", "symplectic, not symmetric", Tableau(), lambda: having(1, symplectic=True)),
-    Question("12d", "symmetric, not symplectic", Tableau(), lambda: having(1, symplectic=False)),
-    Question("12e", "order 3, symplectic, not symmetric", Tableau(), lambda: having(3, symplectic=True)),
-    Question("13a", "the factor of the energy for RK4", Formulas(("h",)), of(energy_factor, "rk4")),
-    Question("13b", "the number of steps", Formulas(digits=3), of(steps_to_half, "rk4", Fraction(1, 10))),
-    Question("13c", "the energy", Formulas(digits=4), of(energy_after, EULER, Fraction(1, 100), 1000)),
+    Question("10b", "the 3/8 rule", tableau(), lambda: same_as(bs.method("rk38"))),
+    Question("10c", "the order of the tableau in the notes", formulas(), order_of_misprint),
+    Question("11a", "the adjoint of Ralston's method", tableau(), lambda: same_as(ralston_adjoint())),
+    Question("11b", "s_2, s_3, s_4, s_5", formulas(count=4), adjoint_signs),
+    Question("11c", "f_3 of the composition", differentials_in(), lambda: differentials(symmetrized_ralston(), 3)),
+    Question("12a", "which are symplectic?", choices(tuple(METHODS)), of(which_are, bs.symplecticity)),
+    Question("12b", "which are symmetric?", choices(tuple(METHODS)), of(which_are, bs.symmetry)),
+    Question("12c", "symplectic, not symmetric", tableau(), lambda: having(1, symplectic=True)),
+    Question("12d", "symmetric, not symplectic", tableau(), lambda: having(1, symplectic=False)),
+    Question("12e", "order 3, symplectic, not symmetric", tableau(), lambda: having(3, symplectic=True)),
+    Question("13a", "the factor of the energy for RK4", formulas(("h",)), of(energy_factor, "rk4")),
+    Question("13b", "the number of steps", formulas(digits=3), of(steps_to_half, "rk4", Fraction(1, 10))),
+    Question("13c", "the energy", formulas(digits=4), of(energy_after, EULER, Fraction(1, 100), 1000)),
     Question(
         "14a", "H_2 of the symplectic Euler method",
-        Formulas(P_Q, others={IN_Q: of(energy_term, EULER_Q, 1)}),
+        formulas(P_Q, others={IN_Q: of(energy_term, EULER_Q, 1)}),
         of(energy_term, EULER_P, 1),
     ),
-    Question("14b", "H_3 of the symplectic Euler method", Formulas(P_Q), of(energy_term, EULER_P, 2)),
+    Question("14b", "H_3 of the symplectic Euler method", formulas(P_Q), of(energy_term, EULER_P, 2)),
     Question(
         "14c", "H_3 of the implicit midpoint rule",
-        Formulas(P_Q, constant=True, others={"is that of Störmer–Verlet": of(energy_term, VERLET, 2)}),
+        formulas(P_Q, constant=True, others={"is that of Störmer–Verlet": of(energy_term, VERLET, 2)}),
         of(energy_term, MIDPOINT, 2),
     ),
-    Question("14d", "the largest error, divided by h", Formulas(digits=3), largest_energy_error),
-    Question("15a", "both coefficients", Formulas(("gamma",), count=2), splitting_coefficients),
-    Question("15b", "gamma, and the other coefficient", Formulas(count=2), best_splitting),
-    Question("15c", "kappa", Formulas(), gradient_factor),
-    Question("16a", "the integral over a period", Formulas(("eps",)), third_derivative_integral),
-    Question("16b", "the gain in a turn, divided by h^4", Formulas(), gain_per_turn),
-    Question("16c", "does the energy drift?", Choices(("A", "B", "C")), of(drifting, WAVES)),
+    Question("14d", "the largest error, divided by h", formulas(digits=3), largest_energy_error),
+    Question("15a", "both coefficients", formulas(("gamma",), count=2), splitting_coefficients),
+    Question("15b", "gamma, and the other coefficient", formulas(count=2), best_splitting),
+    Question("15c", "kappa", formulas(), gradient_factor),
+    Question("16a", "the integral over a period", formulas(("eps",)), third_derivative_integral),
+    Question("16b", "the gain in a turn, divided by h^4", formulas(), gain_per_turn),
+    Question("16c", "does the energy drift?", choices(("A", "B", "C")), of(drifting, WAVES)),
 )  # fmt: skip
 """All questions, in the order of the exercises."""

@@ -79,25 +79,27 @@ class Expectation:
         """None if there were too few."""
         return self.seconds / self.watch.steps if self.seconds > LEAST_SECONDS else None
 
-    def outcome(self, energy_error: float | None) -> dict[str, Any] | None:
-        """The outcome as plain data, with the relative error of the energy if known; None without a prediction."""
-        return None if self.prediction is None else {"seconds": self.seconds, "energy_error": energy_error}
+    def to_dict(self, energy_error: float | None) -> dict[str, Any]:
+        """The prediction and the outcome as plain data, with the relative error of the energy if known."""
+        if self.prediction is None:
+            return {}
+        outcome = {"seconds": self.seconds, "energy_error": energy_error}
+        return {"prediction": self.prediction.to_dict(), "outcome": outcome}
 
     def notes(self, energy_error: float | None) -> Iterator[str]:
         """Sentences that compare the outcome with the prediction."""
         from bseries.advice.predictions.prediction import duration
 
-        found = self.outcome(energy_error)
-        if found is None or self.prediction is None:
+        if self.prediction is None:
             return
         expected, parts = self.prediction, []
         if expected.seconds is not None and self.seconds > COMPARABLE:
-            ratio = 100 * (found["seconds"] / expected.seconds - 1)
+            ratio = 100 * (self.seconds / expected.seconds - 1)
             parts.append(
-                f"took {duration(found['seconds'], 2)} (expected: {duration(expected.seconds, 2)}, {ratio:+.0f} %)"
+                f"took {duration(self.seconds, 2)} (expected: {duration(expected.seconds, 2)}, {ratio:+.0f} %)"
             )
-        if found["energy_error"] is not None:
-            parts.append(f"relative energy error {found['energy_error']:.1e} (expected: {expected.energy})")
+        if energy_error is not None:
+            parts.append(f"relative energy error {energy_error:.1e} (expected: {expected.energy})")
         if expected.solution.value is not None:
             parts.append(f"relative solution error not measured (expected: {expected.solution})")
         if parts:

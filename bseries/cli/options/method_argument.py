@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from integrators.methods.programs.program import Method as Method
 
-T = TypeVar("T")
 INLINE = ("A", "b", "c", "symbols")
 SUFFIXES = (".json", ".toml")
 
@@ -34,7 +33,9 @@ def complete_method(ctx: click.Context, param: click.Parameter, incomplete: str)
     return completions(found, incomplete, SUFFIXES)
 
 
-def takes_method(*, as_option: bool = False, required: bool = True) -> Callable[[Callable[..., T]], Callable[..., T]]:
+def takes_method(
+    *, as_option: bool = False, required: bool = True
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the argument METHOD or the option --method to a verb, which receives `method` (None if not given)."""
     if as_option:
         text = "A name, a tableau file, or -."
@@ -45,7 +46,7 @@ def takes_method(*, as_option: bool = False, required: bool = True) -> Callable[
         source = click.argument("source", metavar=metavar, required=False, shell_complete=complete_method)
         missing = "METHOD must be given: a name such as rk4, a tableau file, - or --A and --b"
 
-    def decorate(verb: Callable[..., T]) -> Callable[..., T]:
+    def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @source
         @click.option("--A", "A", metavar="ROWS", help='Stage matrix inline, as in "0,0;1/2,0".')
         @click.option("--b", "b", metavar="ROW", help='Weights inline, as in "0,1".')
@@ -55,7 +56,7 @@ def takes_method(*, as_option: bool = False, required: bool = True) -> Callable[
             "--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."
         )
         @functools.wraps(verb)
-        def read(*, source: Any, settings: Any, **options: Any) -> T:
+        def read(*, source: Any, settings: Any, **options: Any) -> Any:
             inline = {name: value for name in INLINE if (value := options.pop(name)) is not None}
             method = read_method(source, inline, settings)
             if method is None and required:

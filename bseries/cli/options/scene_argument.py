@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -15,10 +15,7 @@ from integrators.core.arguments import split_row
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from bseries.cli.options.method_argument import Method
-    from integrators import Scene
-
-T = TypeVar("T")
+    from integrators import Method, Scene
 
 WAYS = {"--scene": "scene_source", "--ode": "ode", "--hamiltonian": "hamiltonian"}
 KEYWORDS = ("self", "effects")
@@ -45,7 +42,7 @@ def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 def takes_scene(
     *, as_argument: bool = False, required: bool = True, compare: bool = False
-) -> Callable[[Callable[..., T]], Callable[..., T]]:
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the option --scene, or the argument SCENE, and its options to a verb.
 
     The verb receives `scene` (None if not given) and `effects`, the names of the active effects.
@@ -59,7 +56,7 @@ def takes_scene(
             "--scene", "scene_source", metavar="SCENE", help=f"The problem: a {where}.", shell_complete=complete_scene
         )
 
-    def decorate(verb: Callable[..., T]) -> Callable[..., T]:
+    def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @source
         @click.option("--ode", metavar="TEXT", help="The problem as equations, \"p' = -sin(q); q' = p\".")
         @click.option("--hamiltonian", metavar="TEXT", help='The problem as a Hamiltonian, "p^2/2 - cos(q)".')
@@ -74,7 +71,7 @@ def takes_scene(
             help="Value of a parameter or option of the scene; repeatable.",
         )  # fmt: skip
         @functools.wraps(verb)
-        def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> T:
+        def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> Any:
             given = [(way, text) for way, name in WAYS.items() if (text := options.pop(name)) is not None]
             if len(given) > 1:
                 raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
@@ -87,9 +84,8 @@ def takes_scene(
             if way is None and required:
                 raise Refusal(f"SCENE must be given: a {where}; or --ode or --hamiltonian")
             if compare:
-                plain = way == "--scene" and not is_file(text, SUFFIXES)
-                scene = text if plain else _plain_scene(way, text, blocks, values)
-                return verb(scene=scene, effects=effects, parameters=values, **options)
+                plain = _plain_scene(way, text, blocks, values)
+                return verb(scene=plain, effects=effects, parameters=values, **options)
             scene = None if way is None else _scene(way, text, blocks, effects, values)
             on = () if scene is None else scene.active or tuple(dict.fromkeys(effects))
             return verb(scene=scene, effects=on, **options)
@@ -99,12 +95,12 @@ def takes_scene(
     return decorate
 
 
-def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene:
-    """The scene of a file or of equations, without changes."""
+def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene | str:
+    """The scene of a file or of equations, without changes; or the name of a built-in one."""
     from integrators import parse_hamiltonian, parse_scene
 
     if way == "--scene":
-        return load_file(text)
+        return read_scene(text)
     return (parse_scene if way == "--ode" else parse_hamiltonian)(text, blocks, values)
 
 
@@ -112,9 +108,9 @@ def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], valu
     """The scene with its effects and parameters."""
     from integrators import scene
 
-    if way == "--scene" and not is_file(text, SUFFIXES):
-        return scene(text, effects=effects or None, **values)
     found = _plain_scene(way, text, blocks, values)
+    if isinstance(found, str):
+        return scene(found, effects=effects or None, **values)
     return found.with_effects(*(effects or found.active), **(values if way == "--scene" else {}))
 
 
@@ -132,11 +128,8 @@ def _read_values(parameters: Iterable[str]) -> dict[str, Any]:
 
 def read_scene(source: str) -> Scene | str:
     """The scene of a file or of standard input, or the name of a built-in one."""
-    return load_file(source) if is_file(source, SUFFIXES) else source
-
-
-def load_file(source: str) -> Scene:
-    """The scene of a file, or of standard input."""
+    if not is_file(source, SUFFIXES):
+        return source
     from integrators import load_scene
 
     if source == "-" and click.get_current_context().params.get("source") == "-":
@@ -144,12 +137,12 @@ def load_file(source: str) -> Scene:
     return load_scene(standard_input().buffer if source == "-" else source)
 
 
-def takes_start(verb: Callable[..., T]) -> Callable[..., T]:
+def takes_start(verb: Callable[..., Any]) -> Callable[..., Any]:
     """Add the option --start to a verb, which receives the start values by block; None if they are not given."""
 
     @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
     @functools.wraps(verb)
-    def read(*, start: str | None, **options: Any) -> T:
+    def read(*, start: str | None, **options: Any) -> Any:
         given = read_assignments(filter(str.strip, (start or "").split(";")), "start", '"p=0;q=-3/2"')
         blocks = None if start is None else {name: split_row(values) for name, values in given.items()}
         return verb(start=blocks, **options)
@@ -157,14 +150,14 @@ def takes_start(verb: Callable[..., T]) -> Callable[..., T]:
     return read
 
 
-def takes_parts(verb: Callable[..., T], *, check: bool = True) -> Callable[..., T]:
+def takes_parts(verb: Callable[..., Any], *, check: bool = True) -> Callable[..., Any]:
     """Add the option --parts to a verb: blocks or parts of a scene by the part of the method, if not by its names."""
 
     @click.option(
         "--parts", metavar="TEXT", help='Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
     )
     @functools.wraps(verb)
-    def read(*, parts: str | None, **options: Any) -> T:
+    def read(*, parts: str | None, **options: Any) -> Any:
         method, scene = options["method"], options["scene"]
         if check and scene is not None:
             _check_parts(parts, method, scene)

@@ -105,18 +105,21 @@ def completions(names: Iterable[tuple[str, str]], incomplete: str, files: tuple[
     return [CompletionItem(name, help=text) for name, text in names if name.startswith(incomplete)]
 
 
+def adds(*options: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Several decorators as one."""
+    return lambda verb: functools.reduce(lambda command, option: option(command), reversed(options), verb)
+
+
 DEFAULT_ORDER = 5
-
-
-def takes_powers(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options --order, --power and --nonzero to a verb; `read_powers` reads the first two."""
-    help_order = f"Trees with 1 to N nodes, powers h^0 to h^(N-1); by default {DEFAULT_ORDER}, or for --power."
-    options = (
-        click.option("--order", type=WholeNumber(), help=help_order),
-        click.option("--power", type=WholeNumber(), metavar="K", help="Only what h^K multiplies."),
-        click.option("--nonzero", is_flag=True, help="Leave out zero terms."),
-    )
-    return functools.reduce(lambda command, option: option(command), reversed(options), verb)
+takes_powers = adds(
+    click.option(
+        "--order", type=WholeNumber(),
+        help=f"Trees with 1 to N nodes, powers h^0 to h^(N-1); by default {DEFAULT_ORDER}, or for --power.",
+    ),
+    click.option("--power", type=WholeNumber(), metavar="K", help="Only what h^K multiplies."),
+    click.option("--nonzero", is_flag=True, help="Leave out zero terms."),
+)  # fmt: skip
+"""Adds options to a verb, of which `read_powers` reads the first two."""
 
 
 def read_powers(order: int | None, power: int | None) -> tuple[int, range]:
@@ -149,7 +152,7 @@ class ChildLimits(click.ParamType):
         return rows[0][0] if len(rows) == len(rows[0]) == 1 else rows
 
 
-def takes_max_children(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the option --max-children to a verb."""
-    text = 'Largest number of children of a node: one number, or a row for each colour, as in "0,inf;inf,0".'
-    return click.option("--max-children", type=ChildLimits(), help=text)(verb)
+takes_max_children = click.option(
+    "--max-children", type=ChildLimits(),
+    help='Largest number of children of a node: one number, or a row for each colour, as in "0,inf;inf,0".',
+)  # fmt: skip

@@ -15,8 +15,7 @@ from bseries.cli.output import Output, PlotFile, takes_output, takes_plot, takes
 from foundation.table import Table, paragraphs
 
 if TYPE_CHECKING:
-    from bseries.cli.options.method_argument import Method
-    from integrators import Scene
+    from integrators import Method, Scene
 
 METHODS_HINT = "`bseries methods NAME` shows a tableau and its source; --format csv and json list all sources."
 SCENES_HINT = "`bseries scenes NAME` shows one in detail; --format csv and json list all sources."

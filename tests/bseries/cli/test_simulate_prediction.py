@@ -135,9 +135,8 @@ class TestExpectation:
             watch(done, 1010)
         clock[0] += 99.0
         watch(1010, 1010)
-        outcome = watch.outcome(None)
+        outcome = watch.to_dict(None)["outcome"]
         assert watch.prediction is not None
-        assert outcome is not None
         assert watch.prediction.seconds == pytest.approx(100.0)
         assert watch.seconds == outcome["seconds"] == pytest.approx(100.0)
         assert "expected: 100 s, errors unknown: nobody looked" in capsys.readouterr().err
@@ -148,7 +147,7 @@ class TestExpectation:
             clock[0] = now
             watch(done, 40)
         assert watch.prediction is None
-        assert watch.outcome(None) is None
+        assert watch.to_dict(None) == {}
 
     def test_a_prediction_after_the_last_step_takes_nothing_off_the_time(self, clock, monkeypatch):
         monkeypatch.setattr(expectation, "LONG", 0.0)

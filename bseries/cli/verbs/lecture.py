@@ -1,26 +1,28 @@
-"""`bseries figure`: the lecture's figures, drawn, or their numbers."""
+"""`bseries figure` and `course`: figures and their numbers, and slides, handout and exercises as HTML and PDF."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli.application import Refusal
+from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.method_argument import read_method
 from bseries.cli.options.scene_argument import read_scene
 from bseries.cli.options.values import completions, read_assignments
-from bseries.cli.output import Output, Progress, make_folder
+from bseries.cli.output import Output, Progress, make_folder, takes_output
 from foundation.table import Column, Table, csv_lines, paragraphs
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from bseries.figures.registry import FigureFile
+    from bseries.course.answers import CheckedAnswers
+
 
 COLUMNS = (Column("name"), Column("lecture", True), Column("what"), Column("options"))
 PARTS = 1000
@@ -116,14 +118,15 @@ def _draw_one(
     file = registry.figure_file(name)
     if path is None and data is None and animate is None:
         raise Refusal(f"output, data or animate must be given, as in -o {name}.png, but none was")
-    format_ = None if path is None else picture_format(path)
+    if path is not None:
+        picture_format(path)  # refuses others
     for place, argument in ((path, "output"), (data, "data")):
         if place not in (None, "-"):
             check_place(str(place), argument)
     if animate is not None:
         registry.check_moving(file)
         registry.check_animation(animate)
-    numbers = _make(file, _options(file, name, settings), path, format_, data, progress.update)
+    numbers = _make(file, _options(file, name, settings), path, data, progress.update)
     if animate is not None:
         registry.animate(file, numbers, animate, progress=progress.update)
     if (path, animate) != (None, None) and data != "-":  # numbers on standard output stay alone
@@ -150,29 +153,24 @@ def _draw_all(path: str | None, data: str | None, settings: Sequence[str], forma
             progress.update(k * PARTS + done * PARTS // max(total, 1), len(names) * PARTS)
 
         advance(0, 1)
-        target = os.path.join(path, f"{name}.{ending}")
-        _make(figure_file(name), {}, target, ending, data and os.path.join(data, f"{name}.csv"), advance)
+        target, rows = os.path.join(path, f"{name}.{ending}"), data and os.path.join(data, f"{name}.csv")
+        _make(figure_file(name), {}, target, rows, advance)
 
 
 def _make(
-    file: FigureFile,
-    options: dict[str, Any],
-    path: str | None,
-    format_: str | None,
-    data: str | None,
-    advance: Callable[[int, int], None],
+    file: ModuleType, options: dict[str, Any], path: str | None, data: str | None, advance: Callable[[int, int], None]
 ) -> Any:
     """Compute the numbers of a figure, and write them, their picture or both; the numbers."""
     from bseries.figures.registry import compute, drawn, takes_progress
-    from bseries.picture_files import data_rows
+    from bseries.picture_files import data_rows, picture_format
     from foundation.extras import optional_module
     from foundation.plotting import picture
     from integrators.core.text_files import atomic_write
 
-    if format_ is not None:
+    if path is not None:
         optional_module("matplotlib", "a figure")  # before the numbers, which may take minutes
     numbers = compute(file, {**options, "progress": advance} if takes_progress(file) else options)
-    content = None if format_ is None else picture(drawn(file, numbers), format_)
+    content = None if path is None else picture(drawn(file, numbers), picture_format(path))
     if data is not None:
         columns = file.columns(numbers)
         lines = csv_lines(list(columns), data_rows(columns))
@@ -185,7 +183,7 @@ def _make(
     return numbers
 
 
-def _options(file: FigureFile, name: str, settings: Sequence[str]) -> dict[str, Any]:
+def _options(file: ModuleType, name: str, settings: Sequence[str]) -> dict[str, Any]:
     """The options of --set; methods and scenes may be files."""
     from bseries.figures.registry import options_of
 
@@ -203,3 +201,75 @@ READERS: dict[str, Callable[[str], Any]] = {
     "scene": read_scene,
 }
 """Readers of options that may be files; figures read all other text."""
+
+
+@click.command()
+@click.option("-o", "--output", "path", metavar="FOLDER", help="The folder, which is made if it is not there.")
+@click.option(
+    "--document", "documents", metavar="NAME", multiple=True,
+    help="slides, handout, exercises or solutions; repeatable. By default, all.",
+)  # fmt: skip
+@click.option(
+    "--format", "format_", metavar="FORMAT", help="html or pdf; by default, both. With --check a format of tables."
+)
+@click.option(
+    "--check", "answers", metavar="ANSWERS", help="Check a file of answers to the exercises, or - for standard input."
+)
+def course(path: str | None, documents: Sequence[str], format_: str | None, answers: str | None) -> None:
+    """A course on backward error analysis, after the lecture that this project grew from.
+
+    Slides, a handout with all proofs, and exercises without and with solutions, each as one HTML file that needs no
+    network and as PDF. Formulas are computed and figures drawn when the course is made, in one to three minutes. Files
+    of the same names are replaced. With the exercises comes answers.txt, a file to fill in; one that is there stays.
+
+    --check compares answers with what the engine computes, and makes no course. The exit code is 1 if one is wrong.
+
+    \b
+    Examples:
+      bseries course -o course
+      bseries course -o course --document slides --format pdf
+      bseries course --check answers.txt
+    """
+    if answers is not None:
+        check(answers, path, documents, format_)
+        return
+    from bseries.course.documents import DOCUMENTS, FORMATS, make_course
+
+    if path is None:
+        raise Refusal("output must be given, as in -o course, but was not")
+    make_folder(path, "output")
+    with Progress() as progress:
+        formats = FORMATS if format_ is None else [format_.lower()]
+        make_course(path, documents or DOCUMENTS, formats, progress=progress.update)
+    if not documents or "exercises" in documents:
+        write_template(path)
+
+
+def write_template(folder: str) -> None:
+    """Write a file of answers to fill in, unless there is one, which may hold answers."""
+    from bseries.course.answers import answer_template
+    from integrators.core.text_files import atomic_write
+
+    path = os.path.join(folder, "answers.txt")
+    if not os.path.lexists(path):
+        atomic_write(path, answer_template())
+
+
+def check(answers: str, path: str | None, documents: Sequence[str], format_: str | None) -> None:
+    """Write the verdicts on a file of answers, and exit with code 1 unless all are right."""
+    from bseries.course.answers import MOST_BYTES, check_answers
+    from integrators.core.text_files import read_text
+
+    if documents:
+        raise Refusal(f"document must be left out where --check is given, but was {documents[0]!r:.60}")
+    text, _ = read_text(standard_input().buffer if answers == "-" else answers, MOST_BYTES)
+    checked = check_answers(text)
+    write_answers(path=path, format_=format_, checked=checked)
+    if not checked.all_right:
+        raise click.exceptions.Exit(1)
+
+
+@takes_output
+def write_answers(checked: CheckedAnswers, output: Output) -> Table:
+    """The verdicts as a table."""
+    return checked.to_table()
