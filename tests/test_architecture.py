@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import networkx as nx
@@ -26,11 +27,14 @@ def module_name(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-SOURCES = {
-    module_name(path): ast.parse(path.read_text(encoding="utf-8"))
-    for package in (BELOW, *PACKAGES)
-    for path in sorted((ROOT / package).rglob("*.py"))
-}
+@cache
+def all_sources():
+    """The syntax trees of all modules, parsed where a test needs them: both workers load this file."""
+    return {
+        module_name(path): ast.parse(path.read_text(encoding="utf-8"))
+        for package in (BELOW, *PACKAGES)
+        for path in sorted((ROOT / package).rglob("*.py"))
+    }
 
 
 def read_rooms(page):
@@ -41,7 +45,7 @@ def read_rooms(page):
 ROOMS = read_rooms((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"))
 
 
-def room_of(module, sources=SOURCES):
+def room_of(module, sources):
     """The folder of a module; a package's own file belongs to it."""
     return module if any(other.startswith(f"{module}.") for other in sources) else module.rpartition(".")[0]
 
@@ -52,7 +56,7 @@ def for_types(tree):
     return {id(node) for test in tests for node in ast.walk(test)}
 
 
-def imports(tree, sources=SOURCES, *, types=True):
+def imports(tree, sources, *, types=True):
     """The modules of this project that a module imports, anywhere in it."""
     skipped = set() if types else for_types(tree)
     for node in ast.walk(tree):
@@ -68,7 +72,7 @@ def imports(tree, sources=SOURCES, *, types=True):
                 yield node.module
 
 
-def wrong_ways(rooms, sources=SOURCES):
+def wrong_ways(rooms, sources):
     """Imports of a module in a room that is not below."""
     height = {room: k for k, room in enumerate(rooms)}
     for name, tree in sources.items():
@@ -78,7 +82,7 @@ def wrong_ways(rooms, sources=SOURCES):
                 yield name, used
 
 
-def circles(sources=SOURCES, *, types):
+def circles(sources, *, types):
     graph = nx.DiGraph((name, used) for name, tree in sources.items() for used in imports(tree, sources, types=types))
     graph.remove_edges_from(list(nx.selfloop_edges(graph)))
     return [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
@@ -117,21 +121,21 @@ def public_objects():
 
 
 def test_every_folder_is_a_room_of_the_table():
-    folders = {room_of(module) for module in SOURCES}
+    folders = {room_of(module, all_sources()) for module in all_sources()}
     assert folders == set(ROOMS)
     assert len(ROOMS) == len(set(ROOMS))
 
 
 def test_imports_go_from_higher_rooms_to_lower_ones():
-    assert list(wrong_ways(ROOMS)) == []
+    assert list(wrong_ways(ROOMS, all_sources())) == []
     for package, others in ((BELOW, PACKAGES), ("trees", PACKAGES[1:]), ("integrators", ("trees", "bseries"))):
-        for name, tree in SOURCES.items():
+        for name, tree in all_sources().items():
             if name.split(".")[0] == package:
-                assert not {used.split(".")[0] for used in imports(tree)} & set(others), name
+                assert not {used.split(".")[0] for used in imports(tree, all_sources())} & set(others), name
 
 
 def test_there_are_no_circles_of_imports():
-    assert circles(types=True) == []
+    assert circles(all_sources(), types=True) == []
 
 
 def test_wrong_imports_would_be_found():
@@ -147,7 +151,7 @@ def test_wrong_imports_would_be_found():
 
 
 def test_no_text_is_evaluated_and_files_are_whole_but_not_long():
-    for name, tree in SOURCES.items():
+    for name, tree in all_sources().items():
         assert not list(evaluations(tree)), name
         lines = max((node.end_lineno for node in tree.body), default=0)
         assert lines <= MOST_LINES, name
@@ -190,7 +194,7 @@ def test_no_room_hides_a_public_function():
     """Importing `bseries.series.x` would put the module `series` where the function `bseries.series` is looked up."""
     functions = {name for _, name, thing in public_objects() if inspect.isfunction(thing)}
     assert "modified_equation" in functions
-    assert not functions & {name.split(".")[1] for name in SOURCES if "." in name}
+    assert not functions & {name.split(".")[1] for name in all_sources() if "." in name}
 
 
 @pytest.mark.parametrize(

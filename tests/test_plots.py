@@ -21,7 +21,7 @@ from matplotlib.figure import Figure  # noqa: E402
 
 from bseries.picture_files import save_picture  # noqa: E402
 from foundation.diagrams import COLOURS  # noqa: E402
-from foundation.plotting import picture  # noqa: E402
+from foundation.plotting import new_figure, picture  # noqa: E402
 
 COLOUR_WEIGHTS = (0.299, 0.587, 0.114)
 
@@ -77,6 +77,12 @@ def drawn(name: str, ax: Any = None) -> Any:
     return result.plot(ax, **options)
 
 
+@cache
+def finished(name: str) -> Any:
+    """A plot for tests that only look at it."""
+    return drawn(name)
+
+
 def test_all_results_with_a_plot_are_drawn_here():
     rooms = (bs, trees, integrators, bs.stability, bs.fields, bs.hamiltonians, bs.shadow, bs.advice, bs.runs)
     kinds = {name: kind for room in rooms for name in dir(room) if inspect.isclass(kind := getattr(room, name))}
@@ -99,7 +105,13 @@ def test_plots_use_the_axes_given_and_leave_everything_else_alone(name):
     assert not pyplot.get_fignums()
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+ALL_KINDS = {"EffectReport", "StabilityFunction", "Trajectory", "Tree"}
+"""Bars, areas, curves and a drawing without axes; `test_axes_have_labels_and_…` says that all are saved in one way."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in ALL_KINDS else pytest.param(name, marks=pytest.mark.slow) for name in EXAMPLES]
+)
 def test_fonts_in_pdf_are_truetype_and_notebooks_show_the_figure(name, tmp_path):
     axes = drawn(name)
     axes.figure.savefig(tmp_path / "plot.pdf")
@@ -111,7 +123,8 @@ def test_fonts_in_pdf_are_truetype_and_notebooks_show_the_figure(name, tmp_path)
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_axes_have_labels_and_the_method_an_example(name):
-    axes, result = drawn(name), example(name)[0]
+    axes, result = finished(name), example(name)[0]
+    assert type(axes.figure) is type(new_figure((9, 6)))
     if axes.axison:
         assert axes.get_xlabel()
         assert axes.get_ylabel() or [text.get_text() for text in axes.get_yticklabels()]
@@ -129,7 +142,7 @@ def test_what_is_no_axes_is_refused(name):
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_labels_are_inside_the_figure(name):
     """In a figure of the width of a page no text is cut off."""
-    figure = drawn(name).figure
+    figure = finished(name).figure
     box = figure.get_tightbbox()
     width, height = figure.get_size_inches()
     assert min(box.x0, box.y0, width - box.x1, height - box.y1) > -0.02

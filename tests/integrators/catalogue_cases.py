@@ -79,7 +79,10 @@ def order_of(entry, stages):
 
 
 def claims(left_out=()):
-    """All methods, three members of each family, with scenes and the order that they claim; some kinds left out."""
+    """All methods, three members of each family, with scenes and the order that they claim; some kinds left out.
+
+    Third members are slow: `test_plain_steps` has their orders, and their steps are generated as those of the second.
+    """
     places = {}
     for entry in catalogue():
         suitable = FOR_FORCES_WITH_VELOCITY.get(entry.name, SUITABLE.get(entry.kind, GENERAL))
@@ -89,4 +92,5 @@ def claims(left_out=()):
                 continue
             for name in suitable if os.environ.get("BSERIES_ALL_SCENES") else [suitable[place % 3]]:
                 case = f"{entry.name}{stages or ''}-{name}"
-                yield pytest.param(entry, stages, name, order_of(entry, stages), id=case)
+                marks = [pytest.mark.slow] * (stages is not None and stages > entry.least_stages + 1)
+                yield pytest.param(entry, stages, name, order_of(entry, stages), id=case, marks=marks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shlex
@@ -9,7 +10,6 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-import jsonschema
 import pytest
 
 import bseries as bs
@@ -101,9 +101,14 @@ def kinds():
     return {name for name in bs.json_schema()["$defs"] if not name.startswith(SHARED)}
 
 
+def json_schemas():
+    """The package, loaded where a test needs it: it builds grammars for a second, and both workers load this file."""
+    return importlib.import_module("jsonschema")
+
+
 @cache
 def validator(kind=None):
-    return jsonschema.Draft202012Validator(bs.json_schema(kind))
+    return json_schemas().Draft202012Validator(bs.json_schema(kind))
 
 
 def check(document, kind):
@@ -114,7 +119,7 @@ def check(document, kind):
 
 
 def test_the_schema_is_one():
-    jsonschema.Draft202012Validator.check_schema(bs.json_schema())
+    json_schemas().Draft202012Validator.check_schema(bs.json_schema())
     text = (ROOT / "bseries" / FILE).read_text(encoding="utf-8")
     named, defined = set(re.findall(r"#/\$defs/([\w-]+)", text)), set(bs.json_schema()["$defs"])
     assert named == defined
@@ -165,7 +170,7 @@ def test_a_changed_document_is_refused():
         document | {"terms": [{}]},
     ]
     for other in wrong:
-        with pytest.raises(jsonschema.ValidationError):
+        with pytest.raises(json_schemas().ValidationError):
             validator("series").validate(other)
 
 

@@ -16,6 +16,7 @@ def flows(method: str, scene: str | bs.Scene, **options: float) -> SceneFlows:
     return SceneFlows(bs.method(method), bs.scene(scene) if isinstance(scene, str) else scene, **options)
 
 
+SLOW = pytest.mark.slow  # lorenz has three variables too, and kepler four
 OSCILLATOR = bs.parse_hamiltonian("p^2/2 + q^2/2", start="p=0; q=1")
 
 
@@ -76,7 +77,10 @@ def test_unresolved_curves_have_no_area():
     assert math.isnan(enclosed_area(wave, wave[::-1].copy()))
 
 
-@pytest.mark.parametrize("scene", ["pendulum", "riccati", "lorenz", "rigid-body", "henon-heiles", "kepler"])
+@pytest.mark.parametrize(
+    "scene",
+    ["pendulum", "riccati", "lorenz", "kepler", *(pytest.param(x, marks=SLOW) for x in ("rigid-body", "henon-heiles"))],
+)
 def test_columns_have_lengths_that_do_not_depend_on_the_step(scene):
     example = flows("implicit-midpoint", scene)
     for h in (example.largest, example.largest / 7):

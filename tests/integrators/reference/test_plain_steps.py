@@ -49,6 +49,8 @@ VALUES = {
 }
 COARSE = {"tsit5": 30, "blanes-moan4": 40, "grk4a": 20, "grk4t": 40}
 """1/h for published decimals: the local error must stand out from what their last digits spoil."""
+LONGEST = 15
+"""Flows; `test_high_order_compositions` has the orders of all by words, `test_measured_orders` by steps."""
 
 
 def claimed_methods():
@@ -58,7 +60,8 @@ def claimed_methods():
             if isinstance(order, str):
                 factor, _, shift = order.partition("s")
                 order = int(factor) * stages + int(shift or 0)
-            yield pytest.param(entry, stages, order, id=f"{entry.name}{stages or ''}")
+            marks = [pytest.mark.slow] * (entry.kind == "splitting" and entry.stages > LONGEST)
+            yield pytest.param(entry, stages, order, id=f"{entry.name}{stages or ''}", marks=marks)
 
 
 def built(entry, stages):

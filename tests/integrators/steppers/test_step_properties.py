@@ -173,16 +173,26 @@ def defect_of_symplecticity(made, name):
         )
 
 
-def named(left_out, slow=()):
-    """Two members of each family and all other methods, without some kinds; `slow` kinds are marked."""
+def named(left_out, slow):
+    """Two members of each family and all other methods, without some kinds; those that are `slow` are marked."""
     for entry in catalogue():
         if entry.kind not in left_out:
             for stages in range(entry.least_stages, entry.least_stages + 2) if entry.is_family else [None]:
-                marks = [pytest.mark.slow] * (entry.kind in slow)
+                marks = [pytest.mark.slow] * slow(entry, stages)
                 yield pytest.param(entry, stages, id=f"{entry.name}{stages or ''}", marks=marks)
 
 
-@pytest.mark.parametrize(("entry", "stages"), [*named({"exponential", "w-method"})])
+def is_long_rosenbrock(entry, stages):
+    """Those with one and two stages are no more symplectic."""
+    return entry.kind == "rosenbrock" and entry.stages > 2
+
+
+def is_rosenbrock_or_large(entry, stages):
+    """The smallest members of families are here, and larger ones on the other scene."""
+    return entry.kind == "rosenbrock" or (stages or 0) > 2
+
+
+@pytest.mark.parametrize(("entry", "stages"), [*named({"exponential", "w-method"}, is_long_rosenbrock)])
 def test_symplecticity_where_the_hamiltonian_is_separable(entry, stages):
     made = cases.built(entry, stages)
     expected = made.name in SYMPLECTIC | SEPARABLE or entry.kind in SEPARABLE_KINDS
@@ -195,7 +205,7 @@ SLOW = {"continuous stage"}
 """Averages of this field take minutes in forty digits; they are above."""
 
 
-@pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW, slow={"rosenbrock"})])
+@pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW, is_rosenbrock_or_large)])
 def test_symplecticity_where_it_is_not(entry, stages):
     made = cases.built(entry, stages)
     defect = defect_of_symplecticity(made, "double-pendulum")
