@@ -153,6 +153,7 @@ def test_names_of_colors() -> None:
         ("[0,1] :[0,1]:[0,1]", r"has '1\]:\[0' for a number at position 11"),
         ("[0,1]:[0]", "colors must be as many as levels, 2, but were 1"),
         ("[0," + "9" * 5000 + "]", "has '9999.* for a number at position 4"),
+        ("[0,1000000000]", "has '1000000000' for a number at position 4"),
     ],
 )
 def test_mistakes_are_named_with_their_position(text: str, sentence: str) -> None:

@@ -155,6 +155,13 @@ def test_tables_are_equal_by_their_arguments():
     assert hash(TreeTable(5)) == hash(TreeTable(5))
 
 
+def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
+    monkeypatch.setattr(trees.table, "_kept_table", lambda order, limits: None)
+    made = trees.table.tree_table(4, 2, SEPARABLE)
+    assert made == TreeTable(4, 2, SEPARABLE)
+    assert made is not trees.table.tree_table(4, 2, SEPARABLE)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 import bseries as bs
 import trees.table
-from bseries.exact import rationals, recursions
-from bseries.exact.arithmetic import Exact, Majorant, majorants, primes_beyond
+from bseries.exact import kernels, rationals, recursions
+from bseries.exact.arithmetic import Exact, Majorant, factorial_weights, floats, majorants, primes_beyond
 from bseries.exact.rationals import (
     Operation,
     RationalValues,
@@ -228,6 +228,17 @@ def test_floats_agree_with_exact_coefficients(order):
     rounded = bs.modified_equation(bs.method("rk4").to_float(), order)
     assert rounded.domain == "RR"
     assert np.allclose(rounded.coefficients(), [float(x) for x in exact.coefficients()], rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize("implementation", ["py_func", "compiled"])
+def test_sums_of_floats_lose_nothing_when_they_cancel(implementation):
+    """What is left of a sum less its rounded value, 2⁻⁵⁴ or so, still has twenty bits."""
+    source = random.Random(1)
+    terms = np.array([source.uniform(-1, 1) for _ in range(15)])
+    exact = sum((Fraction(x) / math.factorial(j) for j, x in enumerate(terms, 2)), Fraction(0))
+    run = getattr(kernels.weighted_terms, implementation)
+    left = run(-float(exact), terms, 0, *factorial_weights(floats(), 16, 1, False), 2, 15)
+    assert abs(Fraction(left) - (exact - Fraction(float(exact)))) < Fraction(1, 2**74)
 
 
 RESULTS = '''

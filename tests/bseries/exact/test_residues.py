@@ -51,6 +51,20 @@ def test_long_sums_over_stages_are_reduced(stages):
     alike_in_all_arithmetics(run, run(Exact()))
 
 
+def test_long_sums_over_partitions_are_reduced():
+    """With b = 1 and a = 2, 1/2, 1/2, …, all terms are 1/2; 128 of them times 1/a(•) would overflow."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trees.table, "compiling_pays", lambda work: True)
+        table = trees.TreeTable(8)
+    a, ones = [2] + [Fraction(1, 2)] * (len(table) - 1), [1] * len(table)
+    target = recursions.into_series(a, table, Exact(), field=ones)
+    assert [target[first] for first in table.offsets[:-1]] == [Fraction(2 ** (n - 1) + 3, 2) for n in range(1, 9)]
+    prime = prime_field(PRIME)
+    vectors = [prime.vector(x) for x in (a, target)]
+    found = recursions.into_series(vectors[0], table, prime, target=vectors[1], inverses=[Fraction(1, 2)])
+    assert found.tolist() == ones
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [3, 62])
 def test_long_blocks_are_reduced(length):

@@ -178,6 +178,7 @@ def test_symbols_and_roots_are_exact_coefficients() -> None:
     assert x / (1 + root) == x * (root - 1)
     assert hash(x / (1 + root)) == hash(x * (root - 1))
     assert type((root * x * root)["τ"]) is int
+    assert (root - 1) * ((1 + root) * x / 3) == x * Fraction(1, 3)
     assert str((g + 1) * x) == "(g + 1) τ + (2*g + 2) [τ]"
     assert (-root * x).to_latex() == r"-\sqrt{2} \tau - 2 \sqrt{2} [\tau]"
 
