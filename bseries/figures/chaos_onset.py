@@ -106,16 +106,17 @@ def columns(numbers: ChaosOnset) -> dict[str, np.ndarray]:
 def caption(numbers: ChaosOnset) -> str:
     """What chaotic means, and the width of the layer."""
     width = float(np.interp(0.7, numbers.h, numbers.width))
+    distance = scientific(NEARBY, 1)
     first = numbers.h[numbers.chaotic_bottom.any(axis=1)]
     seen = f"visible only from h = {first[0]:.2g} on" if len(first) else "not visible"
     return (
         "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7: starts of the "
         "implicit midpoint rule on the pendulum. Starts in the coloured regions are chaotic: two orbits that start a "
-        f"relative distance 10⁻¹⁰ apart are more than {APART:g} apart at t = {numbers.span:g}. For every h there is "
-        "chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its width in p is proportional to "
-        "h⁻³ e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by p²/2, so the width is "
-        f"proportional to h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is {scientific(width, 2)} "
-        f"for h = 0.7. In (a) the layer is {seen}."
+        f"relative distance {distance} apart are more than {APART:g} apart at t = {numbers.span:g}. "
+        "For every h there is chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its "
+        "width in p is proportional to h⁻³ e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by "
+        f"p²/2, so the width is proportional to h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is "
+        f"{scientific(width, 2)} for h = 0.7. In (a) the layer is {seen}."
     )
 
 

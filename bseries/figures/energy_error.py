@@ -138,6 +138,6 @@ def draw(numbers: EnergyError, figure: Figure) -> None:
         handles.append(below.axhspan(*run.band, color=GREY, alpha=0.25, linewidth=0, label="predicted range"))
     below.plot(numbers.t[shown], run.errors[shown], color=colour, label=name)
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    label_panels((above, below), ("both methods", f"{name}, the first tenth of the time"))
+    label_panels((above, below), ("both methods", f"{name}, $t \\leq {CLOSER * span:g}$"))
     for axes, end in ((above, span), (below, CLOSER * span)):
         axes.set(xlabel="time $t$", ylabel="$H(p, q) - H(p_0, q_0)$", xlim=(0, end))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.chaos_onset import APART, is_chaotic
+from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
 from bseries.figures.helpers import (
     label_panels,
     listed,
@@ -128,8 +128,8 @@ def caption(numbers: LargeSteps) -> str:
         f"Lecture, figure 6. Orbits of {name_of(numbers.method)} on the pendulum, of {numbers.states.shape[3] - 1:,} "
         f"steps from each marker, and the level curves of {terms} through the starts, in both directions of rotation. "
         f"Along the orbits it changes by at most {listed(changes)}. {verdict}: two orbits that start a relative "
-        f"distance 10⁻¹⁰ apart {'are' if chaotic else 'would be'} more than {APART:g} apart at the end. "
-        "Orbits in several pieces are islands of resonances. The figure chaos-onset shows all starts."
+        f"distance {scientific(NEARBY, 1)} apart {'are' if chaotic else 'would be'} more than {APART:g} apart at the "
+        "end. Orbits in several pieces are islands of resonances. The figure chaos-onset shows all starts."
     )
 
 

@@ -87,12 +87,13 @@ def columns(numbers: Conservation) -> dict[str, np.ndarray]:
 def caption(numbers: Conservation) -> str:
     """The exponents found, and whether the errors grow."""
     exponents = listed([f"{exponent:.2f}" for exponent in numbers.exponents])
-    late = numbers.growth[:, -1] / numbers.growth[:, numbers.t >= numbers.t[-1] / 10][:, 0]
+    early = int(np.argmax(numbers.t >= numbers.t[-1] / 10))
+    late = numbers.growth[:, -1] / numbers.growth[:, early]
     return (
         "Beyond the lecture, on its theorem 3: where H̃ is globally defined and the solution stays in a compact set, "
         f"H̃ truncated after N terms is conserved up to O(t hᴺ). Here {name_of(numbers.method)} on the pendulum from "
         f"(p, q) = {state(numbers.y0)}. (a) Largest errors for t ≤ {SPAN:g}; fitted exponents of h for N = 1, 2, …: "
-        f"{exponents}. (b) Largest errors so far for h = {LONG_H:g}; in the last nine tenths of the time they grow by "
+        f"{exponents}. (b) Largest errors so far for h = {LONG_H:g}; from t = {numbers.t[early]:.4g} on they grow by "
         f"factors of up to {late.max():.2f}."
     )
 

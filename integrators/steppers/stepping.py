@@ -270,12 +270,13 @@ class Stepper:
     def _arrays(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """The numbers in compiled steps that depend on h only, and memory for work arrays."""
         key, source = (state.h, state.solver), self._compiled(state.solver)
-        if key not in self._known_numbers:
-            parts = [np.ravel(make(state.h)) for make in source.numbers]
-            self._known_numbers = {key: np.concatenate([*parts, np.empty(0)])}
+        numbers = self._known_numbers.get(key)
+        if numbers is None:  # other threads may replace what is known, with another solver
+            numbers = np.concatenate([*(np.ravel(make(state.h)) for make in source.numbers), np.empty(0)])
+            self._known_numbers = {key: numbers}
         what = f"scene must be smaller: a step on {self.scene.name}"
         refuse_beyond_memory(8 * source.work, IntegratorError, what)
-        return self._known_numbers[key], np.empty(source.work)
+        return numbers, np.empty(source.work)
 
     def _go_back(self, state: State, before: State, steps: int) -> int:
         """Move to the start of the step that fails, and return the number of steps before it.
