@@ -140,9 +140,12 @@ def real_roots(p: Polynomial, digits: int = 20) -> tuple[Fraction, ...]:
         if all(ball.rad() * unit < 1 for ball in balls):
             break
         precision *= 2
-    centres = (ball.mid().man_exp() for ball in balls)
-    approximate = (Fraction(round(int(m) * unit * Fraction(2) ** int(e)), unit) for m, e in centres)
-    return tuple(sorted([*exact, *approximate]))
+    return tuple(sorted([*exact, *(Fraction(round(_midpoint(ball) * unit), unit) for ball in balls)]))
+
+
+def _midpoint(ball: Any) -> Fraction:
+    mantissa, exponent = ball.mid().man_exp()
+    return int(mantissa) * Fraction(2) ** int(exponent)
 
 
 def _by_flint(p: Polynomial) -> Any:
@@ -176,10 +179,6 @@ def gauss_legendre(count: int, digits: int = 40) -> tuple[tuple[Fraction, Fracti
     """
     import flint
 
-    def midpoint(ball: Any) -> Fraction:
-        mantissa, exponent = ball.mid().man_exp()
-        return int(mantissa) * Fraction(2) ** int(exponent)
-
     with flint.ctx.workdps(digits + 10):
         pairs = [flint.arb.legendre_p_root(count, k, weight=True) for k in reversed(range(count))]
-        return tuple((midpoint((1 + node) / 2), midpoint(weight / 2)) for node, weight in pairs)
+        return tuple((_midpoint((1 + node) / 2), _midpoint(weight / 2)) for node, weight in pairs)
