@@ -270,10 +270,7 @@ def _name(formula: sympy.Basic) -> str:
 
 
 class Lattice:
-    """Lattice of integer combinations of polynomials, with a basis in echelon form.
-
-    Each row has its own pivot, the monomial with the largest `priority`.
-    """
+    """Lattice of polynomials; in its echelon basis each row has its own pivot, the monomial of largest `priority`."""
 
     def __init__(self, priority: Callable[[Any], Any] = int) -> None:
         self._priority = priority

@@ -154,11 +154,7 @@ def find_required_tensors(
 
 
 class TableBuilder:
-    """Builder of the tables that the kernels read, term by term.
-
-    `weights` are the factors of the trees' differentials, in the numbers of the computation, to which `convert`
-    converts exact numbers.
-    """
+    """Builder of the tables that the kernels read; `convert` makes the numbers of the computation from exact ones."""
 
     def __init__(
         self,

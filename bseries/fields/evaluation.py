@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -74,24 +74,18 @@ class CompiledSeries:
     @cached_property
     def formulas(self) -> CompiledFormulas | None:
         """The series as formulas; None if they are too long and the route is not fixed."""
-        if self._wanted == "symbolic":
-            return self._symbolic_formulas()
+        series, is_fixed = self.series, self._wanted == "symbolic"
         try:
-            return self._symbolic_formulas(limit=MOST_MONOMIALS)
+            symbolic = series.symbolic_series(**{} if is_fixed else {"limit": MOST_MONOMIALS})
+            terms = [symbolic.term(n, simplify=False) for n in range(1, series.order + 1)]
+            series.__dict__.setdefault("formulas", symbolic)  # keeps the terms
+            if not series.is_field:
+                terms.insert(0, tuple(series.empty * symbol for symbol in series.scene.symbols))
+            return CompiledFormulas(series.scene.symbols, list(zip(*terms, strict=True)))
         except (SeriesError, IntegratorError):
+            if is_fixed:
+                raise
             return None
-
-    def _symbolic_formulas(self, **limits: int) -> CompiledFormulas:
-        series = self.series
-        symbolic = series.symbolic_series(**limits)
-        terms = [symbolic.term(n, simplify=False) for n in range(1, series.order + 1)]
-        series.__dict__.setdefault("formulas", symbolic)  # keeps the terms
-        columns = list(zip(*terms, strict=True))
-        if not series.is_field:
-            columns = [
-                (series.empty * symbol, *column) for symbol, column in zip(series.scene.symbols, columns, strict=True)
-            ]
-        return CompiledFormulas(series.scene.symbols, columns)
 
     @cached_property
     def compiled(self) -> Callable[..., None]:
@@ -207,8 +201,9 @@ class PreciseSeries:
         self.series, self.arithmetic = series, Arithmetic(digits)
         with self.arithmetic.working():
             values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)
-            ints, numbers = build_tables(series, [value / sigma for value, sigma in values], self._number)
-            self._empty = self._number(series.empty)
+            number = partial(self.arithmetic.number, argument="coefficient")
+            ints, numbers = build_tables(series, [value / sigma for value, sigma in values], number)
+            self._empty = number(series.empty)
         self._ints = ints.astype(np.int64)
         self._numbers = np.array([*numbers, None], object)[:-1]
         names: dict[str, Any] = {name: getattr(mpmath, name) for name in FUNCTIONS}
@@ -217,26 +212,21 @@ class PreciseSeries:
         self._sweep = kernels.sweep.interpreted(**names)
         self._sizes = kernels.workspace.interpreted(**names)(self._ints, 1, 1)
 
-    def _number(self, value: Any) -> Any:
-        return self.arithmetic.number(value, "coefficient")
-
     def terms(self, y: Any) -> list[list[Any]]:
         """The terms by order at one point, as a list of vectors."""
-        with self.arithmetic.working():
-            return self._terms(self.arithmetic.read(y, "y"))
-
-    def _terms(self, y: Any) -> list[list[Any]]:
         size, ints = self.series.dimension, self._ints
-        if len(y) != size:
-            raise SeriesError(f"y must have {size} values, but had {len(y)}")
         groups, places = map(int, self._sizes)
         out = np.zeros((self.series.order, size), object)
         fields = np.zeros((int(ints[kernels.FIELDS]), size), object)
         work = np.zeros(groups, object), np.zeros(places, np.int64)
-        try:
-            self._sweep(np.array([y], object), out, fields, *work, 1, ints, self._numbers, 1)
-        except ArithmeticError as error:
-            raise SeriesError(f"y must lie in the domain of the field, but there a formula {error}") from None
+        with self.arithmetic.working():
+            point = self.arithmetic.read(y, "y")
+            if len(point) != size:
+                raise SeriesError(f"y must have {size} values, but had {len(point)}")
+            try:
+                self._sweep(np.array([point], object), out, fields, *work, 1, ints, self._numbers, 1)
+            except ArithmeticError as error:
+                raise SeriesError(f"y must lie in the domain of the field, but there a formula {error}") from None
         if any(isinstance(value, mpmath.mpc) for value in out.ravel()):
             raise SeriesError("y must lie in the domain of the field, but a formula was not real there")
         return out.tolist()
@@ -246,7 +236,7 @@ class PreciseSeries:
         with self.arithmetic.working():
             point, step = self.arithmetic.read(y, "y"), self.arithmetic.number(h, "h")
             shift = 0 if self.series.is_field else 1
-            columns = zip(*self._terms(point), strict=True)
+            columns = zip(*self.terms(point), strict=True)
             value = [sum(x * step ** (n + shift) for n, x in enumerate(column)) for column in columns]
             if shift:
                 value = [v + self._empty * x for v, x in zip(value, point, strict=True)]

@@ -120,8 +120,6 @@ class SceneSeries:
     def __init__(self, scene: Scene, trees: SceneTrees, series: BSeries, *, route: str = "auto"):
         if route not in ROUTES:
             raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
-        if series.table != trees.table:
-            raise SeriesError(f"series must have the trees {trees.table!r}, but has {series.table!r}")
         self.scene, self.trees, self.series, self._wanted = scene, trees, series, route
         self.label = series.label or "a series"
         self.order, self.dimension, self.variables = trees.table.max_order, scene.dimension, scene.variables
@@ -424,7 +422,7 @@ def _make(
     method: Any, scene: Scene | str, order: int | None, parts: Any, route: str, series_of: Any, title: str
 ) -> SceneSeries:
     method, scene = as_method(method), as_scene(scene)
-    nodes = read_order(method, scene, order, is_map=series_of is series)
+    nodes = read_order(method, order, is_map=series_of is series)
     if isinstance(method, BSeries):
         given = method.truncate(nodes)
         return SceneSeries(scene, trees_of_series(given, scene, parts), given, route=route)
@@ -454,10 +452,8 @@ def mapped_uncertainty(uncertainty: Callable[[int], float], ids: Sequence[int], 
     return uncertainty(ids[at])
 
 
-def read_order(method: Any, scene: Any, order: int | None, *, is_map: bool = False) -> int:
-    """The order, by default that of a series; refuses what is no method, no scene, or a series of the other kind."""
-    if not isinstance(scene, Scene):
-        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
+def read_order(method: Any, order: int | None, *, is_map: bool = False) -> int:
+    """The order, by default that of a series; refuses what is no method, or a series of the other kind."""
     if not isinstance(method, BSeries):
         check_method(method)
         if order is None:

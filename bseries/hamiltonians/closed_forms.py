@@ -25,7 +25,6 @@ import numpy as np
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from bseries.algebra.stages import check_method
 from bseries.analysis.stability.criteria import stability_function
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
@@ -453,8 +452,6 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
     """
     method = as_method(method)
     scene = as_scene(scene)
-    check_method(method)
-    canonical_pairs(scene)
     H, y = scene.hamiltonian, scene.symbols
     is_polynomial = H is not None and H.is_polynomial(*y) and not H.free_symbols - set(y)
     if H is not None and is_polynomial and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):

@@ -110,27 +110,14 @@ class EnergyScene(System):
         return sympy.Add(*(_flat_formula(term, self.scene) for term in constant_terms(self.scene)))
 
     @cached_property
-    def energies(self) -> tuple[sympy.Expr, ...]:
-        """The formulas of the energies."""
-        terms = [
-            (place.offset, _flat_formula(term, self.scene))
-            for term, place in zip(self.scene.local_terms, self._places, strict=True)
-        ]
-        places = range(self.scene.dimension, self.dimension)
-        return tuple(sympy.Add(*(formula for at, formula in terms if at == place)) for place in places)
-
-    @cached_property
-    def field(self) -> tuple[sympy.Expr, ...]:
-        """The field of the scene, and e' = H."""
-        return *self.scene.field, *self.energies
-
-    @cached_property
     def fields(self) -> list[tuple[sympy.Expr, ...]]:
         """The field of each piece, one formula for each variable; that of an energy is the energy itself."""
-        zero, size = sympy.Integer(0), len(self.energies)
+        zero, size = sympy.Integer(0), len(self.twins)
         fields = [(*field, *[zero] * size) for field in flat_fields(self.scene, self.field_pieces)]
-        for k, energy in enumerate(self.energies):
-            fields.append((*[zero] * (self.scene.dimension + k), energy, *[zero] * (size - k - 1)))
+        terms = list(zip(self.scene.local_terms, self._places, strict=True))
+        for at in range(self.scene.dimension, self.dimension):
+            energy = sympy.Add(*(_flat_formula(term, self.scene) for term, place in terms if place.offset == at))
+            fields.append((*[zero] * at, energy, *[zero] * (self.dimension - at - 1)))
         return fields
 
 

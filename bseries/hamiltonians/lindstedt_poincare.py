@@ -12,7 +12,6 @@ modes, divided by k·ω(b), give S_n.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -30,6 +29,7 @@ from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
 from integrators.core.arguments import items
+from integrators.core.immutable import cached_method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
@@ -51,7 +51,6 @@ class Elimination:
             )
         d = len(ring.actions)
         self._frequencies = [ring.derivative(terms[0], i) for i in range(d)]
-        self._reciprocals: dict[Mode, Element | None] = {}
         self.generating, self.normal = [ring.zero], [terms[0]]
         self.denominators: dict[Mode, tuple[Element, int]] = {}  # k·ω(b), and the first order at which it occurs
         self.resonances: dict[Mode, int] = {}  # the first orders at which they occur
@@ -78,9 +77,9 @@ class Elimination:
         ring, generating, normal = self.ring, list[tuple[Element, Element]](), list[tuple[Element, Element]]()
         for k, (c, s) in ring.modes(rest).items():
             cosine, sine = ring.wave(k)
-            reciprocal = self._reciprocal(k) if any(k) else None
+            denominator, reciprocal = self._denominator(k)
             if reciprocal is not None:
-                self.denominators.setdefault(k, (ring.dot(zip(k, self._frequencies, strict=True)), order))
+                self.denominators.setdefault(k, (denominator, order))
                 generating += [(s * reciprocal, cosine), (-c * reciprocal, sine)]
             elif k == ring.constant or not (ring.is_zero(c) and ring.is_zero(s)):
                 normal += [(c, cosine), (s, sine)]
@@ -94,15 +93,11 @@ class Elimination:
         self.generating.append(ring.dot(generating))
         self.normal.append(ring.dot(normal))
 
-    def _reciprocal(self, k: Mode) -> Element | None:
-        """1/(k·ω(b)); None for a resonance."""
-        common = math.gcd(*k)
-        coprime = tuple(n // common for n in k)
-        if coprime not in self._reciprocals:
-            value = self.ring.dot(zip(coprime, self._frequencies, strict=True))
-            self._reciprocals[coprime] = None if self.ring.is_zero(value) else self.ring.reciprocal(value)
-        reciprocal = self._reciprocals[coprime]
-        return reciprocal if common == 1 or reciprocal is None else reciprocal * Fraction(1, common)
+    @cached_method
+    def _denominator(self, k: Mode) -> tuple[Element, Element | None]:
+        """k·ω(b) and its reciprocal, which is None for a resonance."""
+        value = self.ring.dot(zip(k, self._frequencies, strict=True))
+        return value, None if self.ring.is_zero(value) else self.ring.reciprocal(value)
 
 
 class SmallDenominator(NamedTuple):

@@ -429,7 +429,7 @@ def modified_hamiltonian(
     scene = as_scene(scene)
     if route not in ROUTES:
         raise SeriesError(f"route must be one of {', '.join(ROUTES)}, but was {route!r:.60}")
-    order = check_order(read_order(method, scene, order))
+    order = check_order(read_order(method, order))
     if isinstance(method, BSeries) and route in ("brackets", "generating-function"):
         raise SeriesError(f"method must be a method for the route {route!r}, but was a series")
     found, energy = _route_and_energy(method, scene, order, parts, route)

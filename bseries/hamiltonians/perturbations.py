@@ -5,7 +5,7 @@ The one-form B^(−1) r may be not closed at some power of h, or closed but not 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -159,7 +159,7 @@ def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
     return {i: period for i, period in periods.items() if period is not None}
 
 
-def common_period(formulas: Sequence[Any], x: sympy.Symbol) -> sympy.Expr | None:
+def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
     """A common period of formulas in x, as they are written; None if there is none or no formula contains x.
 
     It is positive if it is a number. For symbols no absolute value is taken, so that multiples of 2π remain
@@ -171,6 +171,7 @@ def common_period(formulas: Sequence[Any], x: sympy.Symbol) -> sympy.Expr | None
         >>> common_period([y * sympy.sin(2 * x / 3), sympy.cos(x / 2 + y)], x), common_period([x + sympy.sin(x)], x)
         (12*pi, None)
     """
+    formulas = list(formulas)
     waves: Any = {wave for formula in formulas for wave in formula.atoms(sympy.sin, sympy.cos) if wave.has(x)}
     slopes = {wave: sympy.diff(wave.args[0], x) for wave in waves}
     linear: Any = {wave: sympy.Dummy() for wave, slope in slopes.items() if not slope.has(x)}

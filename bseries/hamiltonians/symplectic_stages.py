@@ -59,8 +59,6 @@ def entry(at: LinearForm, multiples: Multiples) -> Any:
 
 def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
     """The indices of p_i and q_i in the state; the scene must be Hamiltonian and canonical."""
-    if not isinstance(scene, Scene):
-        raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
     pair = scene.canonical_pair
     if not scene.is_hamiltonian or pair is None:
         raise SeriesError(f"scene must be Hamiltonian in canonical variables p and q, but {scene.name} is not")

@@ -14,7 +14,6 @@ from typing import Any, cast
 
 import sympy
 
-from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.elementary_differentials import FLOAT_DIGITS
@@ -37,7 +36,7 @@ MOST_SIMPLIFIED = 2000  # formulas with more monomials are not simplified: it wo
 
 def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
     """The modified Hamiltonian of a splitting method on a scene, by power of h; see `bracket_hamiltonian`."""
-    check_parts(check_method(method).names, method.name)
+    check_parts(method.names, method.name)
     pieces = pieces_of(method.names, scene, parts)
     own = method.max_children
     check_kind(method.name, own, pieces, scene)

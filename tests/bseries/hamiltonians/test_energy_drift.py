@@ -15,8 +15,8 @@ import sympy
 
 import bseries as bs
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.hamiltonians.energy_drift import energy_drift
-from bseries.hamiltonians.orbits import closed_orbit, mean_of_samples, rate_statistics
+from bseries.hamiltonians.energy_drift import energy_drift, rate_statistics
+from bseries.hamiltonians.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
 from foundation.table import PRINT_WIDTH
 from integrators.methods.kinds.second_order import TakahashiImada
