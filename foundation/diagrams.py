@@ -67,11 +67,7 @@ _SYMBOL = re.compile(rf"(?P<letter>[A-Za-z]|{GREEK.replace(' ', '|')})_?(?P<inde
 
 
 def axis_label(name: str, change: bool = False) -> str:
-    """The label of an axis for a variable or a quantity: symbols are italic, with indices below.
-
-    Args:
-        name: The name; ``t`` is the time, ``energy`` the Hamiltonian.
-        change: Whether the change since the start is drawn.
+    """The label of an axis for a variable or a quantity, or for its change since the start; symbols are italic.
 
     Example:
         >>> axis_label("t"), axis_label("q1"), axis_label("theta", change=True), axis_label("energy", change=True)
@@ -120,17 +116,9 @@ def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, coun
     """Level curves of values, (len(y), len(x)), as many as wanted, with about equal areas between them."""
     import numpy as np
 
-    finite = values[np.isfinite(values)]
-    levels = np.unique(np.quantile(finite, np.linspace(0, 1, count + 2)[1:-1]))
-    ax.contour(
-        x,
-        y,
-        np.where(np.isfinite(values), values, np.nan),
-        levels=levels,
-        colors=[GREY],
-        linewidths=0.8,
-        linestyles="solid",
-    )
+    finite = np.where(np.isfinite(values), values, np.nan)
+    levels = np.unique(np.nanquantile(finite, np.linspace(0, 1, count + 2)[1:-1]))
+    ax.contour(x, y, finite, levels=levels, colors=[GREY], linewidths=0.8, linestyles="solid")
 
 
 def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:

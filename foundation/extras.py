@@ -17,14 +17,7 @@ class MissingPackage(ImportError):
 
 
 def optional_module(module: str, user: str) -> Any:
-    """Import a module of an optional package.
-
-    Args:
-        module: The module.
-        user: What needs it, for the message.
-
-    Raises:
-        MissingPackage: The package cannot be imported; the message has the command to install an optional one.
+    """Import a module of an optional package, or raise MissingPackage and say what needs it and how to install it.
 
     Example:
         >>> optional_module("matplotlib.colors", "draw").to_hex("red")

@@ -41,15 +41,9 @@ _compiling: set[object] = set()
 
 
 def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
-    """`numba.njit` with cached machine code.
+    """`numba.njit` with cached machine code, for a signature or for the types of each call.
 
-    Args:
-        signature: The types of the result and of the arguments; None for those of each call.
-        sources: Modules or files, besides that of the function, on which the code depends.
-        **options: Options of numba.
-
-    Returns:
-        A decorator.
+    `sources` are modules or files, besides that of the function, on which the code depends.
 
     Example:
         >>> @njit(error_model="numpy")
@@ -73,15 +67,7 @@ def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **
 
 
 def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
-    """`numba.cfunc` with cached machine code.
-
-    Args:
-        signature: The types of the result and of the arguments.
-        sources: Modules or files, besides that of the function, on which the code depends.
-        **options: Options of numba.
-
-    Returns:
-        A decorator.
+    """`numba.cfunc` with cached machine code; the arguments are those of `njit`.
 
     Example:
         >>> @cfunc("float64(float64)")

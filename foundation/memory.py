@@ -12,12 +12,7 @@ OWN_CGROUPS = Path("/proc/self/cgroup")
 
 
 def refuse_beyond_memory(needed: int, refusal: type[Exception], what: str) -> None:
-    """Refuse work that would not fit in memory before it starts.
-
-    Args:
-        needed: Bytes required, including work arrays and bookkeeping.
-        refusal: The class of the error.
-        what: The beginning of the message, up to "would take … GB of memory".
+    """Refuse work before it starts if the bytes it needs, with work arrays and bookkeeping, are not available.
 
     Example:
         >>> refuse_beyond_memory(10**21, ValueError, "order must be smaller: a table")

@@ -138,16 +138,10 @@ SIZE = (12.0, 7.5)
 def drawing(
     ax: Axes | None, refusal: type[Exception], size: tuple[float, float] = SIZE, *, frame: bool = True
 ) -> Iterator[Axes]:
-    """Axes to draw on: those given, or new ones in print style. pyplot does not know their figure.
+    """Axes to draw on: those given, or new ones in print style in a figure of this size, unknown to pyplot.
 
-    Args:
-        ax: The axes; None for new ones.
-        refusal: The class of the error.
-        size: Width and height of the new figure in centimetres.
-        frame: Whether the axes have scales; otherwise they fill the figure.
-
-    Raises:
-        MissingPackage: matplotlib is not installed.
+    Without a frame new axes have no scales and fill the figure. What are no axes is refused with an error of the class
+    `refusal`.
 
     Example:
         >>> with drawing(None, ValueError) as axes:

@@ -37,17 +37,13 @@ _RAISED = {"<super>": "^", "<sub>": "_"}
 class Column(NamedTuple):
     """A column of a table.
 
-    Attributes:
-        heading: The heading.
-        right: Whether the cells are numbers, aligned at the right.
-        get: The value of a row in this column; by default the entry of the row at the place of the column. As text,
-            None is empty, and the entries of a list have spaces between them.
-        latex: The cell as LaTeX; by default the text, escaped.
-        html: The cell as HTML; by default the text, escaped.
+    `get` gives the value of a row, by default the entry of the row at the place of the column; as text, None is empty,
+    and the entries of a list have spaces between them. `latex` and `html` give the cell in these formats, by default
+    the text, escaped.
     """
 
     heading: str
-    right: bool = False
+    right: bool = False  # whether the cells are numbers, aligned at the right
     get: Callable[[Any], object] | None = None
     latex: Callable[[Any], str] | None = None
     html: Callable[[Any], str] | None = None
@@ -72,17 +68,7 @@ class LazyRows(Collection[Any]):
 class Table(NamedTuple):
     """A result as rows and columns.
 
-    Attributes:
-        title: One line.
-        columns: The columns.
-        rows: The rows, of any type that the columns accept.
-        notes: Sentences below the rows.
-        data: Makes the JSON document.
-        items: The key of the list in `data` that has one item to a line.
-        section: A value of a row: text has an empty line where it changes, followed by the value if that is text.
-        records: The table for CSV, if it differs: all rows, with all digits.
-        own: Functions that replace the writer of a format, such as LaTeX as a displayed formula.
-        titled: Whether text begins with the title.
+    Text has an empty line where the `section` of rows changes, followed by its value if that is text.
 
     Example:
         >>> columns = [Column("n", True), Column("n²", True)]
@@ -100,28 +86,23 @@ class Table(NamedTuple):
         ['n,n²\\n', '2,4\\n10,100\\n']
     """
 
-    title: str
+    title: str  # one line
     columns: Sequence[Column]
-    rows: Collection[Any]
-    notes: Sequence[str] = ()
-    data: Callable[[], Mapping[str, Any]] = dict
-    items: str = ""
-    section: Callable[[Any], object] | None = None
-    records: Table | None = None
-    own: Mapping[str, Callable[[int | None], str]] = {}
-    titled: bool = True
+    rows: Collection[Any]  # of any type that the columns accept
+    notes: Sequence[str] = ()  # sentences below the rows
+    data: Callable[[], Mapping[str, Any]] = dict  # makes the JSON document
+    items: str = ""  # the key of the list in `data` that has one item to a line
+    section: Callable[[Any], object] | None = None  # a value of a row
+    records: Table | None = None  # the table for CSV, if it differs: all rows, with all digits
+    own: Mapping[str, Callable[[int | None], str]] = {}  # replace the writers of formats
+    titled: bool = True  # whether text begins with the title
 
     def extended(self, notes: Iterable[str] = (), **data: Any) -> Table:
         """The table with further notes, and further entries of the JSON document."""
         return self._replace(notes=[*self.notes, *notes], data=lambda: {**self.data(), **data})
 
     def write(self, format_: str, width: int | None = None) -> Iterable[str]:
-        """The table in a format, in pieces.
-
-        Args:
-            format_: A key of `FORMATS`.
-            width: The columns of a terminal, for text.
-        """
+        """The table in one of `FORMATS`, in pieces; text for a terminal of some width."""
         own = self.own.get(format_)
         return FORMATS[format_].write(self, width) if own is None else [own(width)]
 
@@ -150,23 +131,19 @@ class Table(NamedTuple):
         return "".join(self.write("json"))
 
     def to_pandas(self) -> Any:
-        """The records as a ``pandas.DataFrame``.
-
-        Raises:
-            MissingPackage: pandas is not installed.
-        """
+        """The records as a ``pandas.DataFrame``; MissingPackage if pandas is not installed."""
         pandas = optional_module("pandas", "to_pandas")
         records = self.records or self
         gets = _getters(records)
         rows = [[get(row) for get in gets] for row in records.rows]
         return pandas.DataFrame(rows, columns=[column.heading for column in records.columns])
 
-    def head(self, most: int = MOST_ROWS) -> Table:
+    def head(self) -> Table:
         """The table with its first rows only; a note says how many are left out."""
-        left = len(self.rows) - most
+        left = len(self.rows) - MOST_ROWS
         if left <= 0:
             return self
-        return self._replace(rows=list(islice(self.rows, most)), notes=[f"… {left:,} more rows", *self.notes])
+        return self._replace(rows=list(islice(self.rows, MOST_ROWS)), notes=[f"… {left:,} more rows", *self.notes])
 
     def _repr_html_(self) -> str:
         return self.head().to_html()
@@ -361,9 +338,9 @@ def aligned(columns: Sequence[Column], rows: Iterable[Sequence[str] | None], wid
     body = list(rows)
     headings = [column.heading for column in columns]
     texts = ["\n".join(cells) for cells in zip(headings, *filter(None, body), strict=True)]
-    widths = [_longest(text.split("\n")) for text in texts]
+    widths = [max(map(len, text.split("\n"))) for text in texts]
     if width is not None:
-        words = [_longest(text.split()) for text in texts]
+        words = [max(map(len, text.split()), default=0) for text in texts]
         widths = _narrowed(widths, words, width - len(GAP) * (len(widths) - 1))
     lines = [*_folded(headings, columns, widths), GAP.join("─" * w for w in widths)]
     for row in body:
@@ -385,10 +362,6 @@ def _narrowed(widths: Sequence[int], words: Sequence[int], available: int) -> li
             bound -= 1
             fitted = [min(width, max(floor, bound)) for width, floor in zip(widths, floors, strict=True)]
     return fitted
-
-
-def _longest(pieces: Iterable[str]) -> int:
-    return max(map(len, pieces), default=0)
 
 
 def _folded(row: Sequence[str], columns: Sequence[Column], widths: Sequence[int]) -> list[str]:

@@ -32,10 +32,8 @@ class Kernel:
         self._options = options
         self._sources = tuple(sources)
         self._c_functions: dict[Any, Any] = {}
-        self.__name__ = function.__name__
-        self.__doc__ = function.__doc__
-        self.__wrapped__ = function
         self._function = function
+        update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run by the interpreter."""
@@ -87,9 +85,8 @@ class Kernel:
         return update_wrapper(bound, function)
 
 
-def kernel(function: Callable[..., Any]) -> Kernel:
-    """Mark a function as a kernel."""
-    return Kernel(function)
+kernel = Kernel
+"""Marks a function as a kernel."""
 
 
 def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = ()) -> Kernel:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import accumulate, islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from foundation.plotting import PALETTE, drawing, fit_picture, in_centimetres
 from trees.errors import TreeError
-from trees.notation import TreeLike, check_names, default_names, parents_of, tree_text
+from trees.notation import check_names, default_names, parents_of, tree_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,21 @@ MAX_NODES = 1_000
 STEP, RADIUS, LINE, FONT = 26.0, 5.5, 1.2, 12.0  # in pixels: node distance, radius, line width, font size
 _GAP = 24.0  # pixels between neighbouring trees
 _LETTER = 0.6 * FONT  # average width of a letter
+
+
+@runtime_checkable
+class TreeLike(Protocol):
+    """What a drawing shows of a tree."""
+
+    @property
+    def levels(self) -> Sequence[int]:
+        """The distance of each node from the root, in preorder."""
+        ...
+
+    @property
+    def colors(self) -> Sequence[int]:
+        """The colour of each node, in preorder."""
+        ...
 
 
 class Drawn(NamedTuple):
@@ -93,8 +108,8 @@ def _members(trees: TreeLike | Iterable[TreeLike]) -> list[TreeLike]:
     for tree in members:
         if not isinstance(tree, TreeLike):
             raise TreeError(f"trees must be trees, but one was {tree!r:.60}")
-        if tree.order > MAX_NODES:
-            raise TreeError(f"trees must have at most {MAX_NODES} nodes in a picture, but one has {tree.order}")
+        if len(tree.levels) > MAX_NODES:
+            raise TreeError(f"trees must have at most {MAX_NODES} nodes in a picture, but one has {len(tree.levels)}")
     return members
 
 
@@ -221,17 +236,10 @@ def draw(
         edges = [[(x, y), (u, v)] for tree in picture.drawn for x, y, u, v in tree.edges]
         diameters = [2 * RADIUS] * len(nodes)
         circles = collections.EllipseCollection(
-            diameters,
-            diameters,
-            [0.0] * len(nodes),
-            units="xy",
-            offsets=[(x, y) for x, y, _ in nodes],
-            offset_transform=axes.transData,
-            facecolors=[_fill(color) for _, _, color in nodes],
-            edgecolors="black",
-            linewidths=LINE * scale,
-            zorder=2,
-        )
+            diameters, diameters, [0.0] * len(nodes), units="xy",
+            offsets=[(x, y) for x, y, _ in nodes], offset_transform=axes.transData,
+            facecolors=[_fill(color) for _, _, color in nodes], edgecolors="black", linewidths=LINE * scale, zorder=2,
+        )  # fmt: skip
         axes.add_collection(collections.LineCollection(edges, colors="black", linewidths=LINE * scale, zorder=1))
         axes.add_collection(circles)
         for tree in picture.drawn:

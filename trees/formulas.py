@@ -1,4 +1,4 @@
-"""Formulas of a tree: elementary differential, elementary weight, and order condition.
+"""Formulas of a tree, given by the levels and colours of its nodes: elementary differential and elementary weight.
 
 For one colour they are those of the textbooks. For f = Σ_ν f^[ν] with a Runge–Kutta matrix and weights for each part ν,
 nodes of colour ν correspond to the part, written f_ν; primes are derivatives, each in the direction of one argument.
@@ -7,61 +7,36 @@ The matrix, weights and row sums of a part have its name as superscript: b^ν_i,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from fractions import Fraction
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 
-from foundation.numbers import latex_number
 from trees.errors import TreeError
-from trees.notation import TreeLike, nest, node_names, parents_of
+from trees.notation import nest, node_names, parents_of
 
 _INDICES = "ijklmnrsuvwxyz"  # without p and q (blocks), t (node) and o (zero)
 
 
-def elementary_differential(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
-    """The elementary differential F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)) of a tree.
-
-    Example:
-        >>> from trees import Tree
-        >>> elementary_differential(Tree("[τ,[τ]]")), elementary_differential(Tree("[τ^4]"))
-        ("f''(f,f'(f))", 'f^(4)(f,f,f,f)')
-        >>> elementary_differential(Tree("p[q,q[p]]"), "latex")
-        "f_{p}''(f_{q},f_{q}'(f_{p}))"
-
-    References:
-        HLW, section III.1 and Table III.1.1; coloured, section III.2.
-    """
-    latex = _is_latex(format)
-    levels, labels = tree.levels, []
+def elementary_differential(
+    levels: Sequence[int], colors: Sequence[int], format: str, names: Iterable[str] | None
+) -> str:
+    """The formula of `Tree.differential`."""
+    latex = is_latex(format)
+    labels = []
     children = [0] * len(levels)
     for parent in parents_of(levels)[1:]:
         children[parent] += 1
-    for count, name in zip(children, node_names(tree.colors, names), strict=True):
+    for count, name in zip(children, node_names(colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
         prime = "'" * count if count <= 3 else f"^{{({count})}}" if latex else f"^({count})"
         labels.append("f" + part + prime)
     return nest(levels, labels, "(", ")")
 
 
-def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
-    """The elementary weight of a tree: a sum with factors b for the root, a for inner edges, c for edges to leaves.
-
-    It is summed over all indices: i, j, k, …, or i1, i2, … if there are not enough letters. The arguments are those of
-    `elementary_differential`.
-
-    Example:
-        >>> from trees import Tree
-        >>> elementary_weight(Tree("[τ,τ,[τ]]")), elementary_weight(Tree("p[p,q[p,p]]"))
-        ('Σ b_i c_i^2 a_ij c_j', 'Σ b^p_i c^p_i a^q_ij (c^p_j)^2')
-        >>> elementary_weight(Tree("[[τ]]"), "latex")
-        '\\\\sum_{i,j} b_{i} a_{ij} c_{j}'
-
-    References:
-        HLW, Table III.1.1 and section III.2.
-    """
-    latex = _is_latex(format)
-    name_of = node_names(tree.colors, names)
-    parents = parents_of(tree.levels)
+def elementary_weight(levels: Sequence[int], colors: Sequence[int], format: str, names: Iterable[str] | None) -> str:
+    """The formula of `Tree.weight`."""
+    latex = is_latex(format)
+    name_of = node_names(colors, names)
+    parents = parents_of(levels)
     children = _children(parents)
     inner = [node for node, above in enumerate(children) if node == 0 or above]
     indices = index_letters(len(inner), latex)
@@ -77,26 +52,6 @@ def elementary_weight(tree: TreeLike, format: str = "text", names: Iterable[str]
     return " ".join([sign, *factors])
 
 
-def order_condition(tree: TreeLike, format: str = "text", names: Iterable[str] | None = None) -> str:
-    """The order condition of a Runge–Kutta method: the elementary weight of the tree is 1/γ.
-
-    The arguments are those of `elementary_differential`.
-
-    Example:
-        >>> from trees import Tree
-        >>> order_condition(Tree("[τ,τ]")), order_condition(Tree("τ"))
-        ('Σ b_i c_i^2 = 1/3', 'Σ b_i = 1')
-
-    References:
-        HLW, section III.1 and Table III.1.1.
-    """
-    density = tree.density
-    if density.bit_length() > 9_966:  # Python does not print numbers of more than 4300 digits
-        raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {density.bit_length()} bits")
-    quotient = Fraction(1, density)
-    return f"{elementary_weight(tree, format, names)} = {latex_number(quotient) if _is_latex(format) else quotient}"
-
-
 def _children(parents: list[int]) -> list[list[int]]:
     """The children of each node."""
     children: list[list[int]] = [[] for _ in parents]
@@ -105,7 +60,8 @@ def _children(parents: list[int]) -> list[list[int]]:
     return children
 
 
-def _is_latex(format: str) -> bool:
+def is_latex(format: str) -> bool:
+    """Whether a format is LaTeX rather than text."""
     if format not in ("text", "latex"):
         raise TreeError(f"format must be 'text' or 'latex', but was {format!r:.60}")
     return format == "latex"

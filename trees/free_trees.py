@@ -115,12 +115,10 @@ def find_centroids(flips, order, color, right, flipped, turned, representative, 
 class Rootings:
     """The moves of the root for all trees of a table, as columns over the ids.
 
-    Attributes:
-        flips: Whether roots can change colour: the colours are blocks of a system that is not separable.
-        flipped: Id of the tree with the other root colour, if `flips`.
-        turned: Id of v ∘ u for the tree u ∘ v with largest child v; if `flips`, with u's colour opposite to v's.
-        representative: Id of the representative of the class.
-        sign: Sign of the Hamiltonian relative to that of the representative; 0 for superfluous trees.
+    `turned` is the id of v ∘ u for the tree u ∘ v with largest child v, and `representative` that of the class, with
+    the `sign` of the Hamiltonian relative to it, 0 for superfluous trees. Where the colours are blocks of a system that
+    is not separable, roots can change colour (`flips`): `flipped` is the id of the tree with the other root colour, and
+    turning gives u the colour opposite to v's.
     """
 
     def __init__(self, table: TreeTable, *, blocks: bool = False):

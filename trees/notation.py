@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Protocol, runtime_checkable
 
 from trees.errors import TreeError
 
@@ -18,31 +17,6 @@ MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
 TOKEN = re.compile(r"[^\W_τ][^\Wτ]*|\S")
 """A word, or a symbol."""
-
-
-@runtime_checkable
-class TreeLike(Protocol):
-    """The interface of `Tree` for formulas and drawings."""
-
-    @property
-    def order(self) -> int:
-        """The number of nodes."""
-        ...
-
-    @property
-    def levels(self) -> Sequence[int]:
-        """The distance of each node from the root, in preorder."""
-        ...
-
-    @property
-    def colors(self) -> Sequence[int]:
-        """The colour of each node, in preorder."""
-        ...
-
-    @property
-    def density(self) -> int:
-        """The product of the orders of all subtrees."""
-        ...
 
 
 @lru_cache(maxsize=64)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
 from functools import total_ordering
 from itertools import groupby
 from math import factorial, prod
 from operator import index
 from typing import TYPE_CHECKING, Any
 
+from foundation.numbers import latex_number
 from trees.drawing import draw, svg
 from trees.errors import TreeError
-from trees.formulas import elementary_differential, elementary_weight, order_condition
+from trees.formulas import elementary_differential, elementary_weight, is_latex
 from trees.notation import MAX_ORDER, parents_of, parse, tree_text
 
 if TYPE_CHECKING:
@@ -300,16 +302,53 @@ class Tree:
         return tree_text(self.levels, self.colors, names)
 
     def differential(self, format: str = "text", names: Iterable[str] | None = None) -> str:
-        """The elementary differential F(τ); see `trees.formulas.elementary_differential`."""
-        return elementary_differential(self, format, names)
+        """The elementary differential F([τ1, …, τm]) = f^(m)(F(τ1), …, F(τm)).
+
+        Args:
+            format: ``"text"`` or ``"latex"``.
+            names: As for `text`.
+
+        Example:
+            >>> Tree("[τ,[τ]]").differential(), Tree("[τ^4]").differential()
+            ("f''(f,f'(f))", 'f^(4)(f,f,f,f)')
+            >>> Tree("p[q,q[p]]").differential("latex")
+            "f_{p}''(f_{q},f_{q}'(f_{p}))"
+
+        References:
+            HLW, section III.1 and Table III.1.1; coloured, section III.2.
+        """
+        return elementary_differential(self.levels, self.colors, format, names)
 
     def weight(self, format: str = "text", names: Iterable[str] | None = None) -> str:
-        """The elementary weight of a Runge–Kutta method; see `trees.formulas.elementary_weight`."""
-        return elementary_weight(self, format, names)
+        """The elementary weight of a Runge–Kutta method; the arguments are those of `differential`.
+
+        It is a sum with factors b for the root, a for inner edges and c for edges to leaves, over all indices: i, j,
+        k, …, or i1, i2, … if there are not enough letters.
+
+        Example:
+            >>> Tree("[τ,τ,[τ]]").weight(), Tree("p[p,q[p,p]]").weight()
+            ('Σ b_i c_i^2 a_ij c_j', 'Σ b^p_i c^p_i a^q_ij (c^p_j)^2')
+            >>> print(Tree("[[τ]]").weight("latex"))
+            \\sum_{i,j} b_{i} a_{ij} c_{j}
+
+        References:
+            HLW, Table III.1.1 and section III.2.
+        """
+        return elementary_weight(self.levels, self.colors, format, names)
 
     def condition(self, format: str = "text", names: Iterable[str] | None = None) -> str:
-        """The order condition of a Runge–Kutta method; see `trees.formulas.order_condition`."""
-        return order_condition(self, format, names)
+        """The order condition of a Runge–Kutta method, elementary weight = 1/γ; see `weight`.
+
+        Example:
+            >>> Tree("[τ,τ]").condition(), Tree("τ").condition()
+            ('Σ b_i c_i^2 = 1/3', 'Σ b_i = 1')
+        """
+        density = self.density
+        if density.bit_length() > 9_966:  # Python does not print numbers of more than 4300 digits
+            bits = density.bit_length()
+            raise TreeError(f"tree must have a density of at most 3000 digits, but has one of {bits} bits")
+        quotient = Fraction(1, density)
+        return f"{self.weight(format, names)} = {latex_number(quotient) if is_latex(format) else quotient}"
 
     def __str__(self) -> str:
         return self.text()

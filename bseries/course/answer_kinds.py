@@ -133,19 +133,19 @@ def differentials(names: Sequence[str] = ()) -> AnswerKind:
     return AnswerKind(f"elementary differentials, such as 1/2*f'f - 1/3*f''(f,f'f){symbols}", judge)
 
 
-def choices(things: Sequence[str] = ("",), words: Sequence[str] = ("yes", "no")) -> AnswerKind:
-    """One of several words for each of several things, in order; the truth is a tuple of words."""
-    form = " or ".join(words)
-    if len(things) > 1:
+def decisions(*things: str) -> AnswerKind:
+    """Yes or no, for each of several things in order if there are any; the truth is a tuple of these words."""
+    form, count = "yes or no", max(1, len(things))
+    if things:
         form += f" for each, separated by commas: {', '.join(things)}"
 
     def judge(text: str, truth: Any, argument: str) -> Judgement:
         given = [word.strip().lower() for word in text.split(",")]
-        if len(given) != len(things) or not set(given) <= set(words):
+        if len(given) != count or not set(given) <= {"yes", "no"}:
             raise SeriesError(f"{argument} must be {form}; but was {shorten(text)!r}")
         wrong = sum(one != other for one, other in zip(given, truth, strict=True))
         # Which ones are wrong would tell the answer.
-        return Judgement(not wrong, f"{wrong} of {len(given)} wrong" if wrong and len(given) > 1 else "")
+        return Judgement(not wrong, f"{wrong} of {count} wrong" if wrong and things else "")
 
     return AnswerKind(form, judge)
 

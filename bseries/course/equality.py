@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any
 
 import mpmath
 import sympy
@@ -41,14 +41,6 @@ EXACTLY = "equal exactly"
 AT_POINTS = f"equal to {AGREEING} digits at {POINTS} random points"
 
 
-class Sample(NamedTuple):
-    """The values of two formulas at a point; the first is None where it is not real."""
-
-    point: dict[sympy.Symbol, Any]
-    first: Any
-    second: Any
-
-
 def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False) -> str:
     """How two formulas are found equal, `EXACTLY` or `AT_POINTS`, maybe up to a constant; empty if they differ.
 
@@ -66,11 +58,9 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
         ''
     """
     samples = _at_points(first, second, symbols)
-    if any(sample.first is None for sample in samples):
-        return ""
     with mpmath.workdps(DIGITS):
-        shift = samples[0].first - samples[0].second if constant else 0
-        if not all(agree(sample.first - shift, sample.second) for sample in samples):
+        shift = samples[0][1] - samples[0][2] if constant and samples else 0
+        if not samples or not all(agree(x - shift, y) for _, x, y in samples):
             return ""
     try:
         ring = DifferentialRing((first, second), symbols, limit=MOST_MONOMIALS)
@@ -96,16 +86,14 @@ def factor_between(
         >>> factor_between(-h * p / 2, p, [p, h]), factor_between(p + 1, p, [p, h])
         ('-1/2*h', '')
     """
-    start, *samples = _at_points(first, second, symbols)
-    if start.first is None or any(sample.first is None for sample in samples):
-        return ""
-    x0, y0 = (start.first, start.second) if constant else (0, 0)
-    if any(sample.second == y0 for sample in samples):
+    samples = _at_points(first, second, symbols)
+    x0, y0 = samples[0][1:] if constant and samples else (0, 0)
+    if not samples or any(y == y0 for _, _, y in samples[1:]):
         return ""
     h = None if constant else next((symbol for symbol in symbols if symbol.name == "h"), None)
     with mpmath.workdps(DIGITS):
         for k in POWERS if h else (0,):
-            ratios = [(x - x0) / (y - y0) / (point[h] ** k if h else 1) for point, x, y in samples]
+            ratios = [(x - x0) / (y - y0) / (point[h] ** k if h else 1) for point, x, y in samples[1:]]
             factor = Fraction(str(ratios[0])).limit_denominator(MOST_DENOMINATOR)
             exact = mpmath.mpf(factor.numerator) / factor.denominator
             if factor and agree(ratios[0], exact) and all(agree(ratio, ratios[0]) for ratio in ratios):
@@ -129,10 +117,8 @@ def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[s
     with mpmath.workdps(DIGITS):
         step = mpmath.mpf(10) ** -SMALL_STEP
         runs = [_at_points(first, second, symbols, {h: size}) for size in (step, step / 2)]
-        for large, small in zip(*runs, strict=False):
-            if large.first is None or small.first is None:
-                return 0
-            one, half = (abs(sample.first - sample.second) for sample in (large, small))
+        for (_, x, y), (_, u, v) in zip(*runs, strict=False):
+            one, half = abs(x - y), abs(u - v)
             found.add(round(float(mpmath.log(one / half, 2))) if one and half else 0)
     return max(found.pop(), 0) if len(found) == 1 else 0
 
@@ -182,16 +168,23 @@ def value(formula: Any, point: Mapping[Any, Any]) -> Any:
 
 def _at_points(
     first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] | None = None
-) -> list[Sample]:
-    """Both formulas at `POINTS` random points where the second one is real, with fixed values of some symbols."""
-    random, found = Random(1), list[Sample]()
+) -> list[tuple[dict[sympy.Symbol, Any], Any, Any]]:
+    """Random points where the second formula is real, with the values of both; none if the first is not real at one.
+
+    Some symbols may have fixed values.
+    """
+    random, found = Random(1), []
     with mpmath.workdps(DIGITS):
         for _ in range(TRIED):
             drawn = {symbol: mpmath.mpf(random.randint(-2 * SPREAD, 2 * SPREAD)) / SPREAD for symbol in symbols}
             point = {**drawn, **(fixed or {})}
             wanted = _real(second, point)
-            if wanted is not None:
-                found.append(Sample(point, _real(first, point), wanted))
+            if wanted is None:
+                continue
+            given = _real(first, point)
+            if given is None:
+                return []
+            found.append((point, given, wanted))
             if len(found) == POINTS:
                 return found
     raise SeriesError(f"formula must be real at {POINTS} of {TRIED} random points, but was at {len(found)}")

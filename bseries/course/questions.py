@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from fractions import Fraction
 from functools import cache
 from functools import partial as of
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import sympy
 
 import bseries as bs
-from bseries.course.answer_kinds import MOST_NODES, AnswerKind, choices, formulas, tableau
+from bseries.course.answer_kinds import MOST_NODES, AnswerKind, decisions, formulas, tableau
 from bseries.course.answer_kinds import differentials as differentials_in
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ WAVES = ("0", "sin(2*q)/5", "cos(2*q)/5")
 IN_Q = "is that of the variant implicit in q"
 MISPRINT = "p^2*cos(q)/12 + sin(q)^2/24"
 """The formula of exercise 10, in which one sign is wrong."""
-IN_PLANE_AND_SPACE = ("in dimension 2", "in dimension 3")
 h, p, q, y, z, omega, gamma = sympy.symbols("h p q y z omega gamma")
 
 
@@ -98,11 +96,6 @@ def angular_momentum() -> tuple[Any]:
     return (sympy.solve(equations, [p_r, p_phi])[p_phi],)
 
 
-def polar_kepler() -> tuple[Any]:
-    """The Hamiltonian of Kepler's problem in polar coordinates."""
-    return (_polar().hamiltonian(bs.parse_hamiltonian("(p1^2 + p2^2)/2 - 1/sqrt(q1^2 + q2^2)")).hamiltonian,)
-
-
 def logarithmic_kepler() -> tuple[Any]:
     """The Hamiltonian p²/2 − 1/q in Q = log q."""
     change = bs.hamiltonians.point_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"q": "exp(Q)"})
@@ -127,26 +120,10 @@ def averaged_quartic() -> tuple[Any]:
     return (bs.hamiltonians.lindstedt_poincare(linear, 1, perturbations=[quartic]).symbolic(1),)
 
 
-def scaling_factor() -> tuple[Any]:
-    """c in z' = c J⁻¹ ∇K(z) for K(P, Q) = H(2P, 3Q): the factor of {p, q} = {2P, 3Q} = 6 {P, Q}, inverted."""
-    P, Q = sympy.symbols("P Q")
-    return (1 / sympy.Matrix([2 * P, 3 * Q]).jacobian([P, Q]).det(),)
-
-
 @cache
 def _field_nijhoff() -> Any:
     """Field and Nijhoff's modified Hamiltonian in closed form."""
     return bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
-
-
-def field_nijhoff() -> tuple[Any]:
-    """Its closed form in terms of I = (1 + p)(1 + q): at p = I − 1, q = 0."""
-    return (_field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),)
-
-
-def field_nijhoff_radius() -> tuple[Any]:
-    """Its radius of convergence at (p, q) = (1, 2)."""
-    return (_field_nijhoff().radius.subs({p: 1, q: 2}),)
 
 
 # Exercises 7, 9, 11 and 12: methods.
@@ -161,12 +138,6 @@ def differentials(found: Method | str, nodes: int) -> dict[Tree, Any]:
 def theta_method() -> bs.RungeKutta:
     """y1 = y0 + h f((1 − θ) y0 + θ y1)."""
     return bs.RungeKutta([["theta"]], ["1"], parameters=["theta"])
-
-
-def theta_of_order_2() -> tuple[Any, ...]:
-    """The zero of f_2."""
-    (coefficient,) = differentials(theta_method(), 2).values()
-    return tuple(sympy.solve(coefficient))
 
 
 def three_stages(f: Any, y: Any, h: Any) -> Any:
@@ -297,16 +268,6 @@ def energy_factor(name: str) -> tuple[Any]:
     return (sympy.expand(sympy.re(value) ** 2 + sympy.im(value) ** 2).subs(x, h),)
 
 
-def steps_to_half(name: str, step: Fraction) -> tuple[Any]:
-    """The number n of steps, as a real number, with |R(ih)|^(2n) = 1/2."""
-    return (-sympy.log(2) / sympy.log(energy_factor(name)[0].subs(h, sympy.Rational(step))),)
-
-
-def energy_after(name: str, step: Fraction, steps: int) -> tuple[Any]:
-    """The energy after some steps in units of that at the start."""
-    return (energy_factor(name)[0].subs(h, sympy.Rational(step)) ** steps,)
-
-
 # Exercises 10, 14 and 15: modified Hamiltonians.
 
 
@@ -369,12 +330,6 @@ def third_derivative_integral() -> tuple[Any]:
     return (sympy.interpolate(values, sympy.Symbol("eps")),)
 
 
-def gain_per_turn() -> tuple[Any]:
-    """The gain of the energy in a forward turn for ε = 1/5, without h⁴."""
-    (turn,) = bs.energy_drift("simplified-takahashi-imada", _pendulum("sin(2*q)/5")).turns
-    return (turn.gain,)
-
-
 def drifting(waves: Iterable[str]) -> tuple[str, ...]:
     """For which waves the energy drifts."""
     reports = (bs.energy_drift("simplified-takahashi-imada", _pendulum(wave)) for wave in waves)
@@ -399,7 +354,7 @@ QUESTIONS = (
     ),
     Question(
         "1d", "does the modified equation of the trapezoidal rule have a term with h^7?",
-        choices(), lambda: yes_no([bs.modified_field("trapezoidal", "riccati", 8).symbolic(7)[0] != 0]),
+        decisions(), lambda: yes_no([bs.modified_field("trapezoidal", "riccati", 8).symbolic(7)[0] != 0]),
     ),
     Question("2a", "the first integral I = p + ...", formulas(P_Q, constant=True), of(lotka_volterra, 0)),
     Question(
@@ -407,25 +362,37 @@ QUESTIONS = (
         formulas(P_Q, constant=True, others={IN_Q: of(lotka_volterra, 1, EULER_Q)}),
         of(lotka_volterra, 1, EULER_P),
     ),
-    Question("2c", "is there an I_2 for the explicit Euler method?", choices(), of(has_integral, EULER)),
+    Question("2c", "is there an I_2 for the explicit Euler method?", decisions(), of(has_integral, EULER)),
     Question("3a", "p_phi", formulas(("p1", "p2", "r", "phi")), angular_momentum),
-    Question("3b", "K for Kepler's problem", formulas(POLAR), polar_kepler),
+    Question(
+        "3b", "K for Kepler's problem", formulas(POLAR),
+        lambda: (_polar().hamiltonian(bs.parse_hamiltonian("(p1^2 + p2^2)/2 - 1/sqrt(q1^2 + q2^2)")).hamiltonian,),
+    ),
     Question("3c", "K(P, Q) for Q = log q", formulas(("P", "Q")), logarithmic_kepler),
     Question("4a", "K(a, theta)", formulas(("a", "theta")), quartic_oscillator),
     Question("4b", "the mean of K - 2 a over theta", formulas(("a",)), averaged_quartic),
-    Question("4c", "the number c", formulas(), scaling_factor),
+    # K(P, Q) = H(2P, 3Q): c is the factor of {p, q} = {2P, 3Q} = 6 {P, Q}, inverted.
+    Question("4c", "the number c", formulas(), lambda: (1 / sympy.diag(2, 3).det(),)),
     Question(
         "5a", "the coefficient of h^3 in the modified Hamiltonian",
         formulas(P_Q), of(energy_term, EULER_P, 3, "field-nijhoff"),
     ),
-    Question("5b", "the sum of the series", formulas(("I", "h")), field_nijhoff),
-    Question("5c", "the radius of convergence at (p, q) = (1, 2)", formulas(), field_nijhoff_radius),
+    Question(
+        "5b", "the sum of the series", formulas(("I", "h")),
+        lambda: (_field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),),  # I = (1 + p)(1 + q)
+    ),
+    Question(
+        "5c", "the radius of convergence at (p, q) = (1, 2)",
+        formulas(), lambda: (_field_nijhoff().radius.subs({p: 1, q: 2}),),
+    ),
     Question("6a", "div f_2 of the explicit Euler method", formulas(X_Y_Z), of(abc_divergence, EULER, 1)),
     Question("6b", "div f_3 of the implicit midpoint rule", formulas(X_Y_Z), of(abc_divergence, MIDPOINT, 2)),
-    Question("6c", "is volume preserved?", choices(IN_PLANE_AND_SPACE), midpoint_preserves_volume),
+    Question("6c", "is volume preserved?", decisions("in dimension 2", "in dimension 3"), midpoint_preserves_volume),
     Question("7a", "f_2", differentials_in(("theta",)), lambda: differentials(theta_method(), 2)),
     Question("7b", "f_3", differentials_in(("theta",)), lambda: differentials(theta_method(), 3)),
-    Question("7c", "theta for order 2", formulas(), theta_of_order_2),
+    Question(
+        "7c", "theta for order 2", formulas(), lambda: tuple(sympy.solve(*differentials(theta_method(), 2).values()))
+    ),
     Question("8a", "b_3, b_5", formulas(count=2), of(tall_coefficients, MIDPOINT)),
     Question("8b", "the frequency", formulas(("omega", "h")), of(numerical_frequency, MIDPOINT)),
     Question("8c", "both radii of convergence", formulas(count=2), of(radii, (EULER, MIDPOINT))),
@@ -445,14 +412,20 @@ QUESTIONS = (
     Question("11a", "the adjoint of Ralston's method", tableau(), lambda: same_as(ralston_adjoint())),
     Question("11b", "s_2, s_3, s_4, s_5", formulas(count=4), adjoint_signs),
     Question("11c", "f_3 of the composition", differentials_in(), lambda: differentials(symmetrized_ralston(), 3)),
-    Question("12a", "which are symplectic?", choices(tuple(METHODS)), of(which_are, bs.symplecticity)),
-    Question("12b", "which are symmetric?", choices(tuple(METHODS)), of(which_are, bs.symmetry)),
+    Question("12a", "which are symplectic?", decisions(*METHODS), of(which_are, bs.symplecticity)),
+    Question("12b", "which are symmetric?", decisions(*METHODS), of(which_are, bs.symmetry)),
     Question("12c", "symplectic, not symmetric", tableau(), lambda: having(1, symplectic=True)),
     Question("12d", "symmetric, not symplectic", tableau(), lambda: having(1, symplectic=False)),
     Question("12e", "order 3, symplectic, not symmetric", tableau(), lambda: having(3, symplectic=True)),
     Question("13a", "the factor of the energy for RK4", formulas(("h",)), of(energy_factor, "rk4")),
-    Question("13b", "the number of steps", formulas(digits=3), of(steps_to_half, "rk4", Fraction(1, 10))),
-    Question("13c", "the energy", formulas(digits=4), of(energy_after, EULER, Fraction(1, 100), 1000)),
+    Question(
+        "13b", "the number of steps", formulas(digits=3),  # the real number n with |R(ih)|^(2n) = 1/2
+        lambda: (-sympy.log(2) / sympy.log(energy_factor("rk4")[0].subs(h, sympy.Rational(1, 10))),),
+    ),
+    Question(
+        "13c", "the energy", formulas(digits=4),
+        lambda: (energy_factor(EULER)[0].subs(h, sympy.Rational(1, 100)) ** 1000,),
+    ),
     Question(
         "14a", "H_2 of the symplectic Euler method",
         formulas(P_Q, others={IN_Q: of(energy_term, EULER_Q, 1)}),
@@ -469,7 +442,10 @@ QUESTIONS = (
     Question("15b", "gamma, and the other coefficient", formulas(count=2), best_splitting),
     Question("15c", "kappa", formulas(), gradient_factor),
     Question("16a", "the integral over a period", formulas(("eps",)), third_derivative_integral),
-    Question("16b", "the gain in a turn, divided by h^4", formulas(), gain_per_turn),
-    Question("16c", "does the energy drift?", choices(("A", "B", "C")), of(drifting, WAVES)),
+    Question(
+        "16b", "the gain in a turn, divided by h^4",
+        formulas(), lambda: (bs.energy_drift("simplified-takahashi-imada", _pendulum(WAVES[1])).turns[0].gain,),
+    ),
+    Question("16c", "does the energy drift?", decisions("A", "B", "C"), of(drifting, WAVES)),
 )  # fmt: skip
 """All questions, in the order of the exercises."""

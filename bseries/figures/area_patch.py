@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import column_names, label_panels, name_of, scientific, short_names, state, truncated_scene
+from bseries.figures.helpers import label_panels, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
+from bseries.figures.words import column_names, name_of, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
 from foundation.printed_names import printed_name

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, scientific, set_angle_axis
+from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, set_angle_axis
 from bseries.figures.options import read_number
+from bseries.figures.words import scientific
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, SKY, WHITE
 

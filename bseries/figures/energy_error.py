@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import column_names, label_panels, name_of, power_of_h, scientific, short_names, state
+from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_methods, read_number, read_start
+from bseries.figures.words import column_names, name_of, power_of_h, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 

@@ -1,13 +1,13 @@
-"""Helpers that figures share: truncated modified equations as scenes, fits, words of captions, panels and axes."""
+"""What figures share: truncated modified equations as scenes, fits, panels and axes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from math import pi
 from typing import TYPE_CHECKING, Any
 
 import bseries as bs
 from foundation.extras import np
-from foundation.printed_names import printed_name
 from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
@@ -47,9 +47,13 @@ def power_exponent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
-def value_at(place: float, x: np.ndarray, y: np.ndarray) -> Any:
-    """The value at a place of the polynomial that interpolates y as a function of x."""
-    return np.polyval(np.polyfit(x - place, y, len(x) - 1), 0)
+def after_a_turn(angles: np.ndarray, *rows: np.ndarray) -> list[float] | None:
+    """The values where angles reach 2π, by interpolation of degree 5; None if they do not."""
+    end = int(np.searchsorted(angles, 2 * np.pi))
+    if end + 3 > len(angles):
+        return None
+    near = slice(end - 3, end + 3)
+    return [float(np.polyval(np.polyfit(angles[near] - 2 * np.pi, row[near], 5), 0)) for row in rows]
 
 
 def growth_exponent(t: np.ndarray, values: np.ndarray, first: float, last: float, points: int) -> float:
@@ -68,103 +72,6 @@ def logarithmic_indices(count: int, points: int) -> np.ndarray:
     return np.unique(np.geomspace(1, count - 1, points).astype(int))
 
 
-def power(variable: str, exponent: float) -> str:
-    """A fitted power for captions.
-
-    Example:
-        >>> power("t", 1.9249), power("t", -0.001)
-        ('t^1.92', 't^0.00')
-    """
-    return f"{variable}^{exponent:.2f}".replace("-0.00", "0.00")
-
-
-def superscript(number: int) -> str:
-    """A whole number as a superscript in captions.
-
-    Example:
-        >>> "h" + superscript(4), "10" + superscript(-6)
-        ('h⁴', '10⁻⁶')
-    """
-    return str(number).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def subscript(number: int) -> str:
-    """A whole number as a subscript in captions."""
-    return str(number).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
-
-
-def power_of_h(exponent: int) -> str:
-    """h, h², h³, … in captions."""
-    return "h" + (superscript(exponent) if exponent > 1 else "")
-
-
-def scientific(value: float, digits: int = 3) -> str:
-    """A number for captions, with a power of ten where it is small.
-
-    Example:
-        >>> scientific(0.000123456), scientific(-1.5), scientific(2210), scientific(0.0)
-        ('1.23·10⁻⁴', '−1.5', '2.21·10³', '0')
-    """
-    if not value or 1e-3 <= abs(value) < 10**digits:
-        return f"{value:.{digits}g}".replace("-", "−")
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}·10{superscript(int(exponent))}".replace("-", "−")
-
-
-def state(values: Iterable[float]) -> str:
-    """A state in captions and legends, with −π as such.
-
-    Example:
-        >>> from math import pi
-        >>> state((2.5, 0.0)), state((1.5, -pi))
-        ('(2.5, 0)', '(1.5, −π)')
-    """
-    from math import pi
-
-    names = {pi: "π", -pi: "−π"}
-    return f"({', '.join(names.get(value, f'{value:g}'.replace('-', '−')) for value in values)})"
-
-
-def listed(words: Sequence[str]) -> str:
-    """Words in a sentence.
-
-    Example:
-        >>> listed(["1"]), listed(["1", "2", "3"])
-        ('1', '1, 2 and 3')
-    """
-    return " and ".join([*filter(None, [", ".join(words[:-1])]), words[-1]])
-
-
-def name_of(method: Method) -> str:
-    """The name of a method in captions and legends."""
-    return printed_name(method.name or "method")
-
-
-def short_names(methods: Sequence[Method]) -> list[str]:
-    """The names of methods in titles and legends, without what is in brackets as long as they differ.
-
-    Example:
-        >>> short_names([bs.method("stormer-verlet"), bs.method("symplectic-euler-p")])
-        ['Störmer–Verlet', 'symplectic Euler']
-    """
-    names = [name_of(method) for method in methods]
-    short = [name.partition(" (")[0] for name in names]
-    return short if len(set(short)) == len(short) else names
-
-
-def column_names(methods: Sequence[Method]) -> list[str]:
-    """The names of methods in names of columns, all different.
-
-    Example:
-        >>> column_names([bs.method("symplectic-euler-p"), bs.method("rk4")])
-        ['symplectic_euler_p', 'rk4']
-        >>> column_names([bs.method("rk4"), bs.method("rk4")])
-        ['rk4_1', 'rk4_2']
-    """
-    names = [(method.name or f"method{k}").replace("-", "_") for k, method in enumerate(methods, 1)]
-    return names if len(set(names)) == len(names) else [f"{name}_{k}" for k, name in enumerate(names, 1)]
-
-
 def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:
     """Titles of panels, which begin with (a), (b), …"""
     for letter, axes, title in zip("abcdefghi", panels, titles, strict=False):
@@ -178,7 +85,5 @@ def reduced_angle(q: Any) -> Any:
 
 def set_angle_axis(axes: Axes) -> None:
     """Let the horizontal axis show an angle from −π to π."""
-    from math import pi
-
     axes.set_xlim(-pi, pi)
     axes.set_xticks([-pi, 0, pi], [r"$-\pi$", "0", r"$\pi$"])

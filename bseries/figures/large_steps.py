@@ -8,18 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
-from bseries.figures.helpers import (
-    label_panels,
-    listed,
-    name_of,
-    power_of_h,
-    reduced_angle,
-    scientific,
-    set_angle_axis,
-    state,
-    subscript,
-)
+from bseries.figures.helpers import label_panels, reduced_angle, set_angle_axis
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
+from bseries.figures.words import listed, name_of, power_of_h, scientific, state, subscript
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 

@@ -7,15 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import (
-    fitted_factor,
-    growth_exponent,
-    label_panels,
-    logarithmic_indices,
-    power,
-    scientific,
-)
+from bseries.figures.helpers import fitted_factor, growth_exponent, label_panels, logarithmic_indices
 from bseries.figures.options import read_count, read_number
+from bseries.figures.words import power, scientific
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY
 
@@ -23,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.random import Generator
 
-    from integrators import Scene
 
 NUMBER = 8
 TITLE = "Lennard-Jones cluster: random walk of the modified energy with the simplified Takahashi–Imada method"
@@ -98,7 +91,7 @@ def numbers(
     return LennardJonesDrift(members, h, result.t, result.mean["H"], result.std["H"], result.series["H"])
 
 
-def start(atoms: Scene, draw: Callable[[Generator], np.ndarray], h: float, random: Generator) -> np.ndarray:
+def start(atoms: bs.Scene, draw: Callable[[Generator], np.ndarray], h: float, random: Generator) -> np.ndarray:
     """A state after equilibration from the initial cluster, with the energy that all trajectories share.
 
     The cluster has an atypical modified energy, so that the mean change from there would not be zero.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices, name_of, power
+from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices
 from bseries.figures.options import read_method, read_number
+from bseries.figures.words import name_of, power
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 

@@ -6,18 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import (
-    column_names,
-    label_panels,
-    listed,
-    name_of,
-    power_of_h,
-    short_names,
-    state,
-    truncated_scene,
-    value_at,
-)
+from bseries.figures.helpers import after_a_turn, label_panels, truncated_scene
 from bseries.figures.options import read_methods, read_number, read_starts
+from bseries.figures.words import column_names, listed, name_of, power_of_h, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 
@@ -100,15 +91,9 @@ def _portrait(flow: Scene, starts: tuple[tuple[float, ...], ...]) -> list[Curve]
 def _curve(flow: Scene, start: tuple[float, ...]) -> Curve:
     """The curve through a start: one revolution of a closed one, else a spiral in both directions."""
     forwards, angles = _half(flow, start, STEP)
-    end = int(np.searchsorted(angles, 2 * np.pi))
-    if end + 3 > len(angles):  # it does not come around
-        again, is_closed = float(forwards[0, -1]), False
-    else:
-        near = slice(end - 3, end + 3)
-        again, other = (float(value_at(2 * np.pi, angles[near], row[near])) for row in forwards)
-        is_closed = abs(again - start[0]) + abs(other - start[1]) < CLOSED * max(start)
-    if is_closed:
-        return Curve(np.hstack([forwards[:, :end], forwards[:, :1]]), True, again)
+    again, other = after_a_turn(angles, *forwards) or (float(forwards[0, -1]), np.inf)  # if it does not come around
+    if abs(again - start[0]) + abs(other - start[1]) < CLOSED * max(start):
+        return Curve(np.hstack([forwards[:, angles < 2 * np.pi], forwards[:, :1]]), True, again)
     backwards, _ = _half(flow, start, -STEP)
     return Curve(np.hstack([_within(backwards)[:, :0:-1], _within(forwards)]), False, again)
 
@@ -162,13 +147,8 @@ def caption(numbers: LotkaVolterra) -> str:
     )
 
 
-def draw(numbers: LotkaVolterra, figure: Figure) -> None:
-    """A row for each method: its steps with the exact and with the modified flow."""
-    _draw_panels(numbers, figure)
-
-
-def _draw_panels(numbers: LotkaVolterra, figure: Figure) -> list[tuple[Any, np.ndarray]]:
-    """The four panels; the dots of each run with its states."""
+def draw(numbers: LotkaVolterra, figure: Figure) -> list[tuple[Any, np.ndarray]]:
+    """A row for each method: its steps with the exact and the modified flow. Returns the dots of runs, with states."""
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     names = short_names(numbers.methods)
     label_panels(panels.flat, [f"{name}, {flow} flow" for name in names for flow in ("exact", "modified")])
@@ -199,7 +179,7 @@ def _draw_panel(axes: Axes, curves: list[Curve], runs: np.ndarray) -> list[tuple
 
 def frames(numbers: LotkaVolterra, figure: Figure) -> Iterator[tuple[int, int]]:
     """The steps appear one after the other."""
-    moving = _draw_panels(numbers, figure)
+    moving = draw(numbers, figure)
     last = numbers.steps[0].shape[2] - 1
     counts = np.unique(np.linspace(0, last, min(last, MOST_FRAMES) + 1).astype(int))
     for frame, count in enumerate(counts, 1):

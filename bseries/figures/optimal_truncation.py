@@ -7,15 +7,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, state
+from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_count
+from bseries.figures.words import state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from integrators import Scene
 
 NUMBER = None
 TITLE = "Störmer–Verlet: the error of the modified equation after N terms, and after the best number of them"
@@ -85,7 +85,7 @@ def pendulum_distance() -> float:
 
 
 def _truncations(
-    scene: Scene, start: tuple[float, float], terms: int, distance: float, x: tuple[float, float, int]
+    scene: bs.Scene, start: tuple[float, float], terms: int, distance: float, x: tuple[float, float, int]
 ) -> Truncations:
     """The errors of all truncations, for step sizes with equidistant 2πδ/h."""
     h, odd = 2 * np.pi * distance / np.linspace(*x), np.arange(1, terms + 1, 2)

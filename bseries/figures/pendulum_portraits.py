@@ -5,18 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import (
-    column_names,
-    label_panels,
-    listed,
-    name_of,
-    reduced_angle,
-    scientific,
-    set_angle_axis,
-    short_names,
-    state,
-)
+from bseries.figures.helpers import label_panels, reduced_angle, set_angle_axis
 from bseries.figures.options import read_methods, read_numbers, read_starts
+from bseries.figures.words import column_names, listed, name_of, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, WHITE
 

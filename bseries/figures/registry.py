@@ -1,19 +1,32 @@
-"""Registry of figures: every file of this folder with a TITLE is one. Pictures and animations of them."""
+"""Registry of figures: every file of this folder with a TITLE is one. Pictures and animations of them.
+
+The file of a figure has
+
+- `NUMBER`, that of the figure in the lecture, or None beyond it; `TITLE`, the subject in a line; and `SIZE`, the width
+  and height in centimetres;
+- ``numbers(**options)``, which computes the data; defaults are the lecture's values;
+- ``columns(numbers)``, the data as columns of a table, which may have different lengths;
+- ``caption(numbers)``, what there is to see, with the methods, starts and step sizes of these data;
+- ``draw(numbers, figure)``, which draws on an empty figure;
+- if the figure moves, ``frames(numbers, figure)``: a generator that draws on an empty figure, changes it, and yields
+  for each frame its number, from 1, and the number of all frames.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from pkgutil import iter_modules
 from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Protocol
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_place
-from foundation.extras import np, optional_module
+from foundation.extras import optional_module
 from foundation.plotting import new_figure, print_style
 from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write, check_path
@@ -39,40 +52,6 @@ MOST_FRAMES = 150
 """Figures have at most as many frames, which bounds the time and the size of a file."""
 
 
-class FigureFile(Protocol):
-    """The contents of a figure's file.
-
-    A figure that moves also has a function ``frames(numbers, figure)``: a generator that draws on an empty figure,
-    changes it, and yields for each frame its number, from 1, and the number of all frames.
-
-    Attributes:
-        NUMBER: The number of the figure in the lecture; None beyond it.
-        TITLE: The subject, in a line.
-        SIZE: Width and height in centimetres.
-    """
-
-    NUMBER: int | None
-    TITLE: str
-    SIZE: tuple[float, float]
-
-    @property
-    def numbers(self) -> Callable[..., Any]:
-        """Compute the data; options are keyword arguments with the lecture's values as defaults."""
-        ...
-
-    def columns(self, numbers: Any) -> Mapping[str, np.ndarray]:
-        """The data as columns of a table, which may have different lengths."""
-        ...
-
-    def caption(self, numbers: Any) -> str:
-        """What there is to see, with the methods, starts and step sizes of these data."""
-        ...
-
-    def draw(self, numbers: Any, figure: Figure) -> None:
-        """Draw the data on an empty figure."""
-        ...
-
-
 def figure_names() -> list[str]:
     """The names of all figures: those of the lecture in its order, then the others.
 
@@ -84,7 +63,7 @@ def figure_names() -> list[str]:
     return sorted(files, key=lambda name: (files[name].NUMBER is None, files[name].NUMBER or 0, name))
 
 
-def figure_file(name: str) -> FigureFile:
+def figure_file(name: str) -> ModuleType:
     """The file of a figure."""
     wanted = str(name).lower().replace("-", "_")
     if wanted in _modules() and hasattr(file := _load(wanted), "TITLE"):
@@ -100,31 +79,26 @@ def _load(module: str) -> Any:
     return import_module(f".{module}", __package__)
 
 
-def options_of(file: FigureFile) -> dict[str, Any]:
+def options_of(file: ModuleType) -> dict[str, Any]:
     """The options of a figure with their defaults."""
-    return {key: value for key, value in _accepted(file).items() if key != PROGRESS}
+    return {key: value for key, value in file.numbers.__kwdefaults__.items() if key != PROGRESS}
 
 
-def takes_progress(file: FigureFile) -> bool:
+def takes_progress(file: ModuleType) -> bool:
     """Whether a figure takes long enough to report progress."""
-    return PROGRESS in _accepted(file)
+    return PROGRESS in file.numbers.__kwdefaults__
 
 
-def _accepted(file: FigureFile) -> dict[str, Any]:
-    """The keyword arguments of a figure with their defaults."""
-    return getattr(file.numbers, "__kwdefaults__", None) or {}
-
-
-def compute(file: FigureFile, options: Mapping[str, Any]) -> Any:
+def compute(file: ModuleType, options: Mapping[str, Any]) -> Any:
     """The data of a figure."""
-    known = _accepted(file)
+    known = file.numbers.__kwdefaults__
     for option in options:
         if option not in known:
             raise SeriesError(f"option must be one of {', '.join(known)}, but was {option!r:.60}")
     return file.numbers(**options)
 
 
-def drawn(file: FigureFile, numbers: Any) -> LectureFigure:
+def drawn(file: ModuleType, numbers: Any) -> LectureFigure:
     """The picture of a figure's data."""
     optional_module("matplotlib", "a figure")
     with print_style():
@@ -135,33 +109,23 @@ def drawn(file: FigureFile, numbers: Any) -> LectureFigure:
     return figure
 
 
-def animate(file: FigureFile, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None) -> None:
-    """Write the figure as an animation; the file appears when it is complete.
+def animate(file: ModuleType, numbers: Any, path: Any, *, progress: Callable[[int, int], None] | None = None) -> None:
+    """Write the figure as an animation, GIF or MP4 by the ending of the path; the file appears when it is complete.
 
-    Args:
-        file: The file of the figure.
-        numbers: Its data.
-        path: The file to write, which ends in .gif or .mp4.
-        progress: A function that receives the number of frames written and of all frames.
-
-    Raises:
-        SeriesError: The figure does not move, the path has another ending, or the program that encodes MP4 fails.
-        ImportError: matplotlib, or for MP4 a program that encodes it, is not installed.
-        IntegratorError: The file cannot be written.
+    `progress` receives the number of frames written and of all frames.
     """
     check_moving(file)
     format_ = check_animation(path)
     from matplotlib import rc_context
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
-    frames: Callable[..., Iterator[tuple[int, int]]] = file.frames  # pyright: ignore[reportAttributeAccessIssue]
     encoder: Any = {"animation.ffmpeg_path": _encoder()} if format_ == "mp4" else {}
     with TemporaryDirectory() as folder, print_style(), rc_context(encoder):
         figure, written = new_figure(file.SIZE), os.path.join(folder, f"animation.{format_}")
         writer: Any = (FFMpegWriter if format_ == "mp4" else PillowWriter)(fps=PER_SECOND)
         try:
             with writer.saving(figure, written, DOTS):
-                for frame, count in frames(numbers, figure):
+                for frame, count in file.frames(numbers, figure):
                     if frame == 1:  # places stay: labels of other widths would let the axes jump
                         figure.draw_without_rendering()
                         figure.set_layout_engine("none")
@@ -199,7 +163,7 @@ def _encoder() -> str:
     return optional_module("imageio_ffmpeg", "an MP4, without ffmpeg on the path,").get_ffmpeg_exe()
 
 
-def check_moving(file: FigureFile) -> None:
+def check_moving(file: ModuleType) -> None:
     """Refuse a figure that has no frames."""
     if not hasattr(file, "frames"):
         files = {name: figure_file(name) for name in figure_names()}

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import listed, name_of, scientific, truncated_scene
+from bseries.figures.helpers import truncated_scene
 from bseries.figures.options import read_method, read_number
+from bseries.figures.words import listed, name_of, scientific
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, listed
+from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_count
+from bseries.figures.words import listed
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, VERMILION
 

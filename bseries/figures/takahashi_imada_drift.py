@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, scientific
+from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_number
+from bseries.figures.words import scientific
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, ORANGE
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from integrators import Scene
 
 NUMBER = 7
 TITLE = "Simplified Takahashi–Imada method on a pendulum, with and without a symmetric potential"
@@ -61,7 +61,7 @@ def numbers(*, h: Any = 0.2, p: Any = 2.5, span: Any = 5000) -> TakahashiImadaDr
     return TakahashiImadaDrift(h, p, t, _drift(perturbed, h, p, len(t) - 1), _drift(pendulum, h, p, len(t) - 1))
 
 
-def _drift(scene: Scene, h: float, momentum: float, steps: int) -> Drift:
+def _drift(scene: bs.Scene, h: float, momentum: float, steps: int) -> Drift:
     """The three runs on a scene, and the predicted slope."""
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), scene, TERMS).observer(h)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import label_panels, listed, logarithmic_indices, name_of, power_exponent, state
+from bseries.figures.helpers import label_panels, logarithmic_indices, power_exponent
 from bseries.figures.options import read_count, read_method, read_start
+from bseries.figures.words import listed, name_of, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, ORANGE, SKY, VERMILION
 

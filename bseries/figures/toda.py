@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import column_names, label_panels, name_of, power, power_exponent, short_names
+from bseries.figures.helpers import label_panels, power_exponent
 from bseries.figures.options import read_methods, read_numbers
+from bseries.figures.words import column_names, name_of, power, short_names
 from foundation.extras import np
 from foundation.plotting import BLUE, ORANGE
 
@@ -35,22 +36,13 @@ class Errors(NamedTuple):
     solution: np.ndarray  # those of the errors of (p, q)
 
 
-class Toda(NamedTuple):
-    """Data of the figure: the errors of two methods."""
-
-    first: Errors
-    second: Errors
-
-
-def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES) -> Toda:
-    """The errors up to t = 100; Störmer–Verlet is kick–drift–kick."""
+def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES) -> tuple[Errors, ...]:
+    """The errors of two methods up to t = 100; Störmer–Verlet is kick–drift–kick."""
     sizes = read_numbers(h, "h", [2], 0.005, 0.2)
-    first, second = map(_errors, read_methods(methods, 2), sizes)
-    return Toda(first, second)
+    return tuple(map(_errors, read_methods(methods, 2), sizes))
 
 
 def _errors(method: Method, h: float) -> Errors:
-    """The errors of a method."""
     run = bs.integrate(method, bs.scene("toda"), h=h, steps=round(SPAN / h))
     values = eigenvalues(run.y)
     changes = np.linalg.norm(values - values[0], axis=1)
@@ -82,7 +74,7 @@ def growth_exponent(t: np.ndarray, error: np.ndarray) -> float:
     return float(power_exponent(t[late], np.maximum.accumulate(error)[late]))
 
 
-def columns(numbers: Toda) -> dict[str, np.ndarray]:
+def columns(numbers: tuple[Errors, ...]) -> dict[str, np.ndarray]:
     """The times and errors of each method."""
     table = {}
     names = column_names([run.method for run in numbers])
@@ -91,7 +83,7 @@ def columns(numbers: Toda) -> dict[str, np.ndarray]:
     return table
 
 
-def caption(numbers: Toda) -> str:
+def caption(numbers: tuple[Errors, ...]) -> str:
     """The exponents found, and what theorem 7 says of the method."""
     found = []
     for errors in numbers:
@@ -108,7 +100,7 @@ def caption(numbers: Toda) -> str:
     )
 
 
-def draw(numbers: Toda, figure: Figure) -> None:
+def draw(numbers: tuple[Errors, ...], figure: Figure) -> None:
     """Above the errors of the eigenvalues, below those of the solution."""
     above, below = figure.subplots(2, sharex=True)
     label_panels((above, below), ("eigenvalues of $L$", "solution"))

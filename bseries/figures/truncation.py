@@ -6,19 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.figures.helpers import (
-    column_names,
-    label_panels,
-    listed,
-    name_of,
-    power_of_h,
-    scientific,
-    short_names,
-    state,
-    truncated_scene,
-    value_at,
-)
+from bseries.figures.helpers import after_a_turn, label_panels, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
+from bseries.figures.words import column_names, listed, name_of, power_of_h, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, WHITE
 
@@ -112,12 +102,8 @@ def _angle_and_radius(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _period(t: np.ndarray, states: np.ndarray) -> float:
     """The time of a revolution; not a number if the solution has not returned to its start."""
     angle, radius = _angle_and_radius(states)
-    end = int(np.searchsorted(angle, 2 * np.pi))
-    if end + 3 > len(angle):
-        return np.nan
-    near = slice(end - 3, end + 3)
-    time, back = (value_at(2 * np.pi, angle[near], x[near]) for x in (t, radius))
-    return float(time) if abs(back / radius[0] - 1) < RETURNED else np.nan
+    time, back = after_a_turn(angle, t, radius) or (np.nan, np.inf)
+    return time if abs(back / radius[0] - 1) < RETURNED else np.nan
 
 
 def _mean_period(method: Method, h: float, start: tuple[float, ...]) -> float:

@@ -9,7 +9,6 @@ from hypothesis import given
 from tree_oracles import grown, random_trees
 
 from trees.errors import TreeError
-from trees.formulas import elementary_differential, elementary_weight, order_condition
 from trees.tree import Tree
 
 # HLW, Table III.1.1 (b and c for the sums over the row of A, as below it).
@@ -88,18 +87,18 @@ def test_formulas_of_the_textbook(text: str, formulas: tuple[str, str]) -> None:
 @pytest.mark.parametrize("order", range(1, 7))
 def test_weights_say_what_the_recursion_computes(order: int) -> None:
     for tree in grown(order):
-        assert value_of_text(elementary_weight(tree)) == weight(tree, "")
+        assert value_of_text(tree.weight()) == weight(tree, "")
 
 
 @pytest.mark.parametrize(("colors", "order", "names"), [(2, 4, "pq"), (3, 3, "abc")])
 def test_colored_weights_say_what_the_recursion_computes(colors: int, order: int, names: str) -> None:
     for tree in grown(order, colors):
-        assert value_of_text(elementary_weight(tree, names=names)) == weight(tree, names)
+        assert value_of_text(tree.weight(names=names)) == weight(tree, names)
 
 
 @given(random_trees(colors=3))
 def test_differentials_determine_the_tree(tree: Tree) -> None:
-    text = elementary_differential(tree, names=["x", "y", "z"])
+    text = tree.differential(names=["x", "y", "z"])
     nodes = r"f_([xyz])('+|\^\(\d+\))?"
     arities = [len(node.children) for _, node in tree.preorder()]
     assert [match[2] or "" for match in re.finditer(nodes, text)] == [
@@ -119,7 +118,7 @@ def test_differentials_determine_the_tree(tree: Tree) -> None:
     ],
 )
 def test_colored_formulas(text: str, differential: str, condition: str) -> None:
-    assert (elementary_differential(Tree(text)), order_condition(Tree(text))) == (differential, condition)
+    assert (Tree(text).differential(), Tree(text).condition()) == (differential, condition)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +165,7 @@ def test_tall_trees_have_formulas() -> None:
 
 
 def test_wrong_arguments_are_refused() -> None:
-    for formula in (elementary_differential, elementary_weight, order_condition):
+    for formula in (Tree.differential, Tree.weight, Tree.condition):
         with pytest.raises(TreeError, match="format must be 'text' or 'latex', but was 'html'"):
             formula(Tree("[τ]"), "html")
         with pytest.raises(TreeError, match=r"names must name the colours 0 to 1, but were \('p',\)"):

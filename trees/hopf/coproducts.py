@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from math import factorial, prod
 from typing import Any
 
 from trees.counting import MOST_NODES
 from trees.errors import TreeError
-from trees.hopf import sums
 from trees.hopf.forests import Forest, rooted
 from trees.hopf.products import graft
-from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, add_terms, as_sum, check_work, fold, multiply_terms
+from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, Times, add_terms, as_sum, check_work, fold, multiply_terms
 from trees.tree import Tree
 
 _NONE = Forest()
@@ -153,15 +152,11 @@ def grossman_larson_coproduct(x: Summand) -> FormalSum:
 def multiplicative(x: Summand, of_tree: Callable[[Tree], FormalSum], factors: int) -> FormalSum:
     """The values of a linear multiplicative map of forests, from its values on trees."""
 
+    unit: Terms = {(_NONE,) * factors: 1}
+
     def of_forest(forest: Forest) -> FormalSum:
-        value: Any = {(_NONE,) * factors: 1}
-        work = 0
-        for tree in forest:
-            image = of_tree(tree).terms
-            work += sums.work_of(value, image, forest.order)
-            check_work(work)
-            value = multiply_terms(value, image)
-        return FormalSum.from_terms(value)
+        images = (of_tree(tree).terms for tree in forest)
+        return FormalSum.from_terms(reduce(Times(forest.order), images, unit))
 
     return as_sum(x, "x").map(of_forest)
 

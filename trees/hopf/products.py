@@ -7,13 +7,13 @@ the trees of the first operand are the branches on the left of the Connes–Krei
 from __future__ import annotations
 
 from collections import Counter
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import product
 from math import comb, prod
 from typing import Any
 
 from trees.hopf.forests import Forest, rooted
-from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, add_terms, as_sum, check_work, fold, work_of
+from trees.hopf.sums import KEPT, FormalSum, Summand, Terms, Times, add_terms, as_sum, check_work, fold
 from trees.tree import Tree
 
 
@@ -128,11 +128,6 @@ def _graftings(attached: Forest, base: Forest, beside: bool) -> FormalSum:
     def lift(subtree: Tree, terms: Terms) -> Terms:
         return {(received, rooted(forest, subtree.color)): ways for (received, forest), ways in terms.items()}
 
-    total: Terms = unit if beside else {(none, Forest()): 1}
-    work = 0
-    for tree in base:
-        value = fold(tree, unit, lift, multiply)
-        work += work_of(total, value, base.order)
-        check_work(work)
-        total = multiply(total, value)
+    values = (fold(tree, unit, lift, multiply) for tree in base)
+    total = reduce(Times(base.order, multiply), values, unit if beside else {(none, Forest()): 1})
     return FormalSum.from_terms({(forest,): ways for (received, forest), ways in total.items() if received == wanted})

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
+from functools import reduce
 from itertools import chain
 from math import prod
 from numbers import Rational
@@ -53,9 +54,17 @@ def check_work(products: int) -> None:
         raise TreeError(f"order must be smaller: this takes more than {MOST_PRODUCTS} products of terms")
 
 
-def work_of(left: Terms, right: Terms, nodes: int) -> int:
-    """The number of products of terms in a multiplication, weighted by the size of the forests."""
-    return len(left) * len(right) * (1 + nodes // 50)
+class Times:
+    """The multiplication of sums of forests of some size, refused once all of it would take too long."""
+
+    def __init__(self, nodes: int, multiply: Callable[[Terms, Terms], Terms] = multiply_terms):
+        self._weight, self._multiply, self._work = 1 + nodes // 50, multiply, 0
+
+    def __call__(self, left: Terms, right: Terms) -> Terms:
+        """The product."""
+        self._work += len(left) * len(right) * self._weight
+        check_work(self._work)
+        return self._multiply(left, right)
 
 
 def fold(
@@ -69,15 +78,10 @@ def fold(
     It is computed from the leaves up, without recursion, and once for equal subtrees.
     """
     values: dict[Tree, Terms] = {}
-    work = 0
+    times = Times(tree.order, multiply)
     for _, subtree in reversed(list(tree.preorder())):
         if subtree not in values:
-            value = unit
-            for child in subtree.children:
-                work += work_of(value, values[child], tree.order)
-                check_work(work)
-                value = multiply(value, values[child])
-            values[subtree] = lift(subtree, value)
+            values[subtree] = lift(subtree, reduce(times, (values[child] for child in subtree.children), unit))
     return values[tree]
 
 

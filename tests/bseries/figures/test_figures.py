@@ -232,11 +232,11 @@ class TestEnergyError:
 
 class TestToda:
     GIVEN = LECTURE["figure9_toda"]
-    KEYS = (("first", "RK4 h=0.08"), ("second", "Stoermer-Verlet UTU (kick-drift-kick) h=0.02"))
+    KEYS = ((0, "RK4 h=0.08"), (1, "Stoermer-Verlet UTU (kick-drift-kick) h=0.02"))
 
     @pytest.mark.parametrize(("method", "key"), KEYS)
     def test_errors(self, method, key):
-        found = getattr(numbers_of("toda"), method)
+        found = numbers_of("toda")[method]
         for label, given in self.GIVEN[key].items():
             if label.startswith("t="):
                 at = round(float(label[2:]) / found.h)
@@ -249,7 +249,7 @@ class TestToda:
 
     @pytest.mark.parametrize(("method", "key"), KEYS)
     def test_growth(self, method, key):
-        found = getattr(numbers_of("toda"), method)
+        found = numbers_of("toda")[method]
         shown = slice(None, None, self.every(method, True))
         solution = toda.growth_exponent(found.t[shown], found.solution[shown])
         values = toda.growth_exponent(found.t, found.eigenvalues)
@@ -261,7 +261,7 @@ class TestToda:
     @staticmethod
     def every(method, is_solution):
         """The reference has the global error of Störmer–Verlet at every other step only."""
-        return 2 if is_solution and method == "second" else 1
+        return 2 if is_solution and method == 1 else 1
 
     def test_eigenvalues(self):
         """tr L and tr L² are −Σ p/2 and H/2 for any number of particles; for n = 3 see the reference."""
@@ -277,7 +277,7 @@ class TestToda:
     def test_eigenvalues_stay_on_exact_solutions_only(self):
         exact = bs.reference_solution(bs.scene("toda"), [0, 1, 5, 10])
         np.testing.assert_allclose(toda.eigenvalues(exact), toda.eigenvalues(exact[:, :1]).repeat(4, 0), rtol=1e-13)
-        assert numbers_of("toda").first.eigenvalues[-1] > 0.01
+        assert numbers_of("toda")[0].eigenvalues[-1] > 0.01
 
 
 class TestOptimalTruncation:
