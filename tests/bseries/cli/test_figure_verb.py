@@ -87,6 +87,7 @@ def test_an_animation(answer, tmp_path, monkeypatch):
     from bseries.figures import area_patch
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(area_patch, "FINE", 1)
     tableau = tmp_path / "mine.json"
     bs.save_method(bs.method("gauss2"), str(tableau))
     options = ["--set", "methods=mine.json, rk4", "--set", "steps=4"]

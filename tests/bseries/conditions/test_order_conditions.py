@@ -559,38 +559,39 @@ def test_bad_requests(arguments, options, sentence):
         bs.order_conditions(*arguments, **options)
 
 
-CONDITIONS = bs.order_conditions("runge-kutta", 2)
+def few():
+    return bs.order_conditions("runge-kutta", 2)
 
 
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: CONDITIONS.residuals([[0]]), "arguments must be A, b, but were 1"),
+        (lambda: few().residuals([[0]]), "arguments must be A, b, but were 1"),
         (
-            lambda: CONDITIONS.residuals(bs.method("stormer-verlet")),
+            lambda: few().residuals(bs.method("stormer-verlet")),
             "method must be one of the 1-part runge-kutta kind",
         ),
-        (lambda: CONDITIONS.residuals([[0, 1], [0]], [1, 0]), "A must have rows of one length"),
-        (lambda: CONDITIONS.residuals([np.ones((2, 2)), np.ones((2, 3))], [1]), "A must have rows of one length"),
-        (lambda: CONDITIONS.residuals([[0]], [1, 0]), r"b must have the shape \(1,\), but had \(2,\)"),
-        (lambda: CONDITIONS.residuals("[[0]]", [1]), "A must hold numbers in lists"),
-        (lambda: CONDITIONS.residuals([["1/2"]], [1]), "A must hold numbers in lists"),
-        (lambda: CONDITIONS.residuals([], []), "A must have rows of one length, one at least"),
-        (lambda: CONDITIONS.residuals(5, 6), "A must be an array, but was 5"),
-        (lambda: CONDITIONS.residuals([[None]], [1]), "A must hold numbers or expressions, but had None"),
-        (lambda: CONDITIONS.compile(10**9), "stages must be 1000 or less"),
-        (lambda: CONDITIONS.code("c", stages=900), "stages must be fewer, or language numpy"),
-        (lambda: CONDITIONS.sympy(), "stages must be given"),
-        (lambda: CONDITIONS.compile(), "stages must be given"),
-        (lambda: CONDITIONS.compile(0), "stages must be 1 or more, but was 0"),
-        (lambda: CONDITIONS.code("c"), "stages must be given"),
-        (lambda: CONDITIONS.code("cobol", stages=1), "language must be one of numpy, c, julia, but was 'cobol'"),
-        (lambda: CONDITIONS.compile(2).residual([[0]], [1, 0]), r"A must have the shape \(2, 2\), but had \(1, 1\)"),
-        (lambda: CONDITIONS.compile(2).jacobian([[0, 0], [1, 0]]), "arguments must be A, b, but were 1"),
-        (lambda: CONDITIONS.compile(1).residual([["x"]], [1]), "A must be an array of numbers"),
-        (lambda: CONDITIONS.compile(1).unpack([1]), "unknowns must be 2 numbers"),
-        (lambda: CONDITIONS["[τ,τ]"], "tree must have one of these 2 conditions, but was"),
-        (lambda: CONDITIONS["[τ"], "text must"),
+        (lambda: few().residuals([[0, 1], [0]], [1, 0]), "A must have rows of one length"),
+        (lambda: few().residuals([np.ones((2, 2)), np.ones((2, 3))], [1]), "A must have rows of one length"),
+        (lambda: few().residuals([[0]], [1, 0]), r"b must have the shape \(1,\), but had \(2,\)"),
+        (lambda: few().residuals("[[0]]", [1]), "A must hold numbers in lists"),
+        (lambda: few().residuals([["1/2"]], [1]), "A must hold numbers in lists"),
+        (lambda: few().residuals([], []), "A must have rows of one length, one at least"),
+        (lambda: few().residuals(5, 6), "A must be an array, but was 5"),
+        (lambda: few().residuals([[None]], [1]), "A must hold numbers or expressions, but had None"),
+        (lambda: few().compile(10**9), "stages must be 1000 or less"),
+        (lambda: few().code("c", stages=900), "stages must be fewer, or language numpy"),
+        (lambda: few().sympy(), "stages must be given"),
+        (lambda: few().compile(), "stages must be given"),
+        (lambda: few().compile(0), "stages must be 1 or more, but was 0"),
+        (lambda: few().code("c"), "stages must be given"),
+        (lambda: few().code("cobol", stages=1), "language must be one of numpy, c, julia, but was 'cobol'"),
+        (lambda: few().compile(2).residual([[0]], [1, 0]), r"A must have the shape \(2, 2\), but had \(1, 1\)"),
+        (lambda: few().compile(2).jacobian([[0, 0], [1, 0]]), "arguments must be A, b, but were 1"),
+        (lambda: few().compile(1).residual([["x"]], [1]), "A must be an array of numbers"),
+        (lambda: few().compile(1).unpack([1]), "unknowns must be 2 numbers"),
+        (lambda: few()["[τ,τ]"], "tree must have one of these 2 conditions, but was"),
+        (lambda: few()["[τ"], "text must"),
         (lambda: bs.order_conditions("nystrom", 2).sympy(stages=1, nodes=True), "nodes must be False for nystrom"),
     ],
 )

@@ -224,7 +224,6 @@ def test_text_and_plain_data():
     [
         ({"f": "rk4"}, "f must be a field, such as modified_field gives, but was 'rk4'"),
         ({"h": 1e300}, r"h must be small enough for finite terms, but was 1e\+300"),
-        ({"f": bs.series_map(RK4, RICCATI, 3)}, "f must be a field, such as modified_field gives, but was the series"),
         ({"y": [1.0, 2.0]}, r"y must have the shape \(1,\) or \(1, n\), but had \(2,\)"),
         ({"y": [[1.0]]}, r"y must have the shape \(1,\), but had \(1, 1\)"),
         ({"y": ["x"]}, "y must be real numbers, but was"),
@@ -238,6 +237,15 @@ def test_text_and_plain_data():
     ],
 )
 def test_bad_arguments(changes, message):
+    check_refused(changes, message)
+
+
+def test_a_map_is_no_field():
+    sentence = "f must be a field, such as modified_field gives, but was the series"
+    check_refused({"f": bs.series_map(RK4, RICCATI, 3)}, sentence)
+
+
+def check_refused(changes, message):
     arguments = {"f": bs.modified_field(RK4, RICCATI, 5), "y": [1.0], "h": 0.1, "method": None, **changes}
     with pytest.raises(bs.errors, match=message):
         bs.fields.reach(arguments["f"], arguments["y"], arguments["h"], method=arguments["method"])

@@ -7,6 +7,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from quick_figures import numbers_of
 
 import bseries as bs
 from bseries.figures import area_patch, energy_error, lotka_volterra, registry, riccati, toda, truncation
@@ -17,17 +18,6 @@ from foundation.printed_names import printed_name
 from integrators.methods.catalogue.registry import catalogue
 
 pytest.importorskip("matplotlib")
-
-QUICK = {
-    "area-patch": {"steps": 4},
-    "chaos-onset": {"span": 50},
-    "large-steps": {"steps": 200},
-    "lennard-jones-drift": {"members": 4, "span": 20, "h": 0.02},
-    "linear-error-growth": {"h": 0.05},
-    "optimal-truncation": {"terms": 5},
-    "takahashi-imada-drift": {"span": 100},
-}
-"""Less work for tests that look at pictures."""
 
 OTHERS = [
     ("riccati", {"method": "implicit-midpoint", "h": "1/20"}, ["implicit midpoint", "h = 0.05", "1, 3, 5 and 7 terms"]),
@@ -241,8 +231,7 @@ SLOW = {"lennard-jones-drift": pytest.mark.slow}
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in figure_names()])
 def test_pictures_can_be_read_in_grey(name):
-    file = figure_file(name)
-    figure = drawn(file, compute(file, QUICK.get(name, {})))
+    figure = drawn(figure_file(name), numbers_of(name))
     assert not alike_in_grey(figure)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     if len(titles) > 1:
@@ -263,8 +252,7 @@ def test_colours_alike_in_grey_would_be_noticed():
 @pytest.mark.parametrize("name", ["riccati", "takahashi-imada-drift"])
 def test_fonts_are_truetype(name):
     """Printers refuse Type 3 fonts."""
-    file = figure_file(name)
-    figure = drawn(file, compute(file, QUICK.get(name, {})))
+    figure = drawn(figure_file(name), numbers_of(name))
     content = picture(figure, "pdf")
     assert b"/FontFile2" in content
     assert b"/Type3" not in content
@@ -321,8 +309,9 @@ class TestAnimations:
         assert path.stat().st_size < 1_000_000
         assert list(tmp_path.iterdir()) == [path]
 
-    def test_an_mp4(self, tmp_path):
+    def test_an_mp4(self, tmp_path, monkeypatch):
         pytest.importorskip("imageio_ffmpeg")
+        monkeypatch.setattr(area_patch, "FINE", 2)  # fewer frames than above
         path = tmp_path / "patch.mp4"
         file = figure_file("area-patch")
         animate(file, area_patch.numbers(steps=4), path)

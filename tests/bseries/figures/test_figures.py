@@ -9,13 +9,13 @@ import math
 import subprocess
 import sys
 from base64 import b64decode
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from quick_figures import numbers_of
 
 import bseries as bs
 from bseries.figures import (
@@ -28,7 +28,7 @@ from bseries.figures import (
     truncation,
 )
 from bseries.figures.helpers import truncated_scene
-from bseries.figures.registry import compute, drawn, figure_file, figure_names, options_of
+from bseries.figures.registry import drawn, figure_file, figure_names, options_of
 from bseries.picture_files import data_rows, picture_format
 from foundation.plotting import FORMATS, new_figure, picture
 from foundation.table import csv_lines
@@ -37,21 +37,7 @@ pytest.importorskip("matplotlib")
 
 ROOT = Path(__file__).parents[3]
 LECTURE = json.loads((ROOT / "tests" / "reference" / "lecture_values.json").read_text())
-OPTIONS = {
-    "optimal-truncation": {"terms": 9},
-    "large-steps": {"steps": 200},
-    "chaos-onset": {"span": 50},
-    "takahashi-imada-drift": {"span": 100},
-    "linear-error-growth": {"h": 0.05},
-    "lennard-jones-drift": {"members": 4, "span": 20, "h": 0.02},
-}
-"""Less work for tests that only look at pictures."""
 LONG = {"lennard-jones-drift"}
-
-
-@cache
-def numbers_of(name):
-    return compute(figure_file(name), OPTIONS.get(name, {}))
 
 
 def figures():

@@ -142,7 +142,13 @@ def test_towers_keep_the_constant_too():
         formulas, towers = H._energy.formulas(), H._energy
         states = scene.y0[None]
         assert towers.values(states, 0.1) == pytest.approx(formulas.values(states, 0.1), rel=1e-13)
-        assert towers.compiled(scene.y0, 0.1) == pytest.approx(formulas.values(states, 0.1)[0], rel=1e-13)
+
+
+@pytest.mark.parametrize("name", ["pendulum", *(pytest.param(x, marks=pytest.mark.slow) for x in [*LIFTED][1:])])
+def test_compiled_towers_keep_it(name):
+    """Each is a function of numba, which keeps none of its machine code."""
+    energy, y0 = modified(name, "trees")._energy, LIFTED[name].y0
+    assert energy.compiled(y0, 0.1) == pytest.approx(energy.formulas().values(y0[None], 0.1)[0], rel=1e-13)
 
 
 @pytest.mark.parametrize("name", ["pendulum", "no equilibrium", "sites"])

@@ -47,9 +47,10 @@ def looked_up(y):
     return np.array([y[1], -math.copysign(slope, y[0])])
 
 
-def pair(function=pendulum):
+@functools.cache
+def pair():
     """The same field as a compiled function and as formulas."""
-    return scene_from_function(function, [1, 0.5]), scene_from_function(traced_pendulum, [1, 0.5], compiled=False)
+    return scene_from_function(pendulum, [1, 0.5]), scene_from_function(traced_pendulum, [1, 0.5], compiled=False)
 
 
 @pytest.mark.parametrize("method", ["rk4", "dop853", "gauss2", "implicit-midpoint", "avf"])
