@@ -233,6 +233,10 @@ def test_misuse_of_sums_is_refused() -> None:
         FormalSum(3)  # pyright: ignore[reportArgumentType]
     with pytest.raises(TypeError):
         x + 1  # pyright: ignore[reportOperatorIssue]
+    with pytest.raises(TypeError):
+        Forest("τ") * 3  # pyright: ignore[reportOperatorIssue]
+    with pytest.raises(TypeError):
+        assert Forest("τ") < 3  # pyright: ignore[reportOperatorIssue]
 
 
 def test_products_that_would_seem_to_hang_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
