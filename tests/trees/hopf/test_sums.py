@@ -246,3 +246,5 @@ def test_products_that_would_seem_to_hang_are_refused(monkeypatch: pytest.Monkey
         many * many
     with pytest.raises(TreeError, match="order must be smaller: this takes more than 1000 products of terms"):
         many.tensor(many)
+    monkeypatch.setattr("trees.hopf.sums.MOST_PRODUCTS", 1600)
+    assert len(many * many) == 820
