@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,19 @@ def test_edits_of_sources_are_noticed(tmp_path):
         found.append(ended.stdout.split())
     assert [keyed for keyed, _ in found] == ["2.0", "3.0"]
     assert [unkeyed for _, unkeyed in found] == ["2.0", "2.0"]  # what would happen without
+
+
+SCALE = 2
+
+
+@compiled.kernel
+def scaled(x):
+    return SCALE * x
+
+
+def test_kernels_called_are_interpreted_with_any_global_names():
+    assert scaled(Fraction(1, 3)) == Fraction(2, 3)
+    assert scaled.interpreted(SCALE=3)(Fraction(1, 3)) == 1
 
 
 def test_interpreted_time_adds_up(monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 
 import trees.table
 from trees import Tree, TreeError, TreeTable, count_trees
+from trees.counting import memory_estimate
 from trees.kernels import graft
 
 SEPARABLE = [[0, None], [None, 0]]
@@ -155,6 +156,14 @@ def test_tables_are_equal_by_their_arguments():
     assert hash(TreeTable(5)) == hash(TreeTable(5))
 
 
+def test_estimates_of_memory_are_what_tables_take():
+    """A byte for order and colour, four for each id; a tree below the top order has as many splits as edges."""
+    table = TreeTable(7, 2)
+    _, order, color, left, right, _, base = table.columns
+    splits = sum(int(n) - 1 for n in order if n < 7) * (table.splits.trunk.itemsize + table.splits.branch.itemsize)
+    assert memory_estimate(table.sizes, 2) == sum(x.nbytes for x in (order, color, left, right, base)) + splits
+
+
 def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
     monkeypatch.setattr(trees.table, "_kept_table", lambda order, limits: None)
     made = trees.table.tree_table(4, 2, SEPARABLE)
@@ -167,6 +176,7 @@ def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
     [
         ((0,), "order must be 1 or more, but was 0"),
         ((10**5000,), "order must be of reasonable size, but had 16,610 binary digits"),
+        ((2**9999,), "order must be 60 or less"),
         ((-3,), "order must be 1 or more, but was -3"),
         ((2.5,), "order must be a whole number, but was 2.5"),
         (("4",), "order must be a whole number, but was '4'"),

@@ -113,6 +113,7 @@ def test_vector_space():
     a, b = bs.series(RK4, 5), bs.exact_flow(5)
     assert (a - b) + b == a
     assert -(a - b) == b - a
+    assert (a.log() - a)["∅"] == -1
     assert (a * 3)["∅"] == 3
     assert 2 * a == a + a == a / Fraction(1, 2)
     assert (a * 0).nonzero() == []
@@ -276,6 +277,7 @@ def test_long_series_are_shown_in_part():
         (lambda: bs.series(RK4, bs.TreeTable(3), max_children=1), "max_children must be None where a table is given"),
         (lambda: bs.modified_equation(bs.exact_flow(3), max_children=1), "max_children must be None for a series"),
         (lambda: bs.BSeries.from_rule(lambda tree: 0.5 * X, 2), "must not mix floats with symbols"),
+        (lambda: bs.BSeries.from_rule(lambda tree: 0.5 * sympy.Symbol("r", real=True), 2), "must not mix floats"),
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.I, 2), "coefficient must be a number or a SymPy expression"),
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.nan, 2), "coefficient must be"),
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo * X, 2), "coefficient must be"),

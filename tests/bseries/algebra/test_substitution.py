@@ -152,6 +152,15 @@ def test_symbols_and_roots_stay_exact():
     assert mixed == bs.substitute(b, bs.series(bs.method("gauss2"), 4))
 
 
+@pytest.mark.parametrize("number", [sympy.Symbol("g"), 1 + sympy.sqrt(2)])
+def test_inverses_of_symbols_and_roots(number):
+    """The inverse has 1/g where the field has g, at the single node."""
+    b = bs.BSeries.from_rule(lambda tree: number if tree.order == 1 else 1, 3, empty=0)
+    x = bs.algebra.substitution_inverse(b)
+    assert sympy.simplify(x["τ"] * number) == 1
+    assert bs.substitute(x, b) == bs.substitute(b, x) == identity_field(3)
+
+
 def test_entries_with_symbols_in_their_denominators():
     c = sympy.Symbol("c")
     method = bs.RungeKutta([[0, 0], [c, 0]], [1 - 1 / (2 * c), 1 / (2 * c)])

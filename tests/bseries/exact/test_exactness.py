@@ -206,6 +206,12 @@ def test_common_divisors_beyond_int64():
     assert values.reduced.coefficients() == values.coefficients()
 
 
+@pytest.mark.parametrize("number", [Fraction(1, 2), Fraction(3, 2), Fraction(7)])
+def test_growth_bounds_all_values(number):
+    growth = bs.BSeries.from_rule(lambda tree: number, 5).stored.growth
+    assert all(number <= 2 ** (growth * n) for n in range(1, 6))
+
+
 def test_bounds_beyond_floats_fall_back_to_fractions():
     a = bs.BSeries(FAST, modified(bs.method("heun2"), FAST), 0).exp()
     huge = a ** (10**400)

@@ -233,6 +233,10 @@ def test_misuse_of_sums_is_refused() -> None:
         FormalSum(3)  # pyright: ignore[reportArgumentType]
     with pytest.raises(TypeError):
         x + 1  # pyright: ignore[reportOperatorIssue]
+    with pytest.raises(TypeError):
+        Forest("τ") * 3  # pyright: ignore[reportOperatorIssue]
+    with pytest.raises(TypeError):
+        assert Forest("τ") < 3  # pyright: ignore[reportOperatorIssue]
 
 
 def test_products_that_would_seem_to_hang_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,3 +246,5 @@ def test_products_that_would_seem_to_hang_are_refused(monkeypatch: pytest.Monkey
         many * many
     with pytest.raises(TreeError, match="order must be smaller: this takes more than 1000 products of terms"):
         many.tensor(many)
+    monkeypatch.setattr("trees.hopf.sums.MOST_PRODUCTS", 1600)
+    assert len(many * many) == 820
