@@ -74,7 +74,7 @@ def rows(settings: tuple[Setting, ...] = SETTINGS, methods: tuple[str, ...] = ME
 def _row(setting: Setting, method: str, h: float, span: float) -> Row:
     scene, steps = bs.scene(setting.scene), round(span / h)
     expected = bs.predict_run(method, scene, h=h, steps=steps, timed=False)
-    steps = round(expected.pilot * steps) or steps  # over which errors are expected
+    steps = round(expected.covered * steps) or steps  # over which errors are expected
     every, finer = max(1, steps // LOOKS), max(1, round(h / setting.exact))
     run = bs.integrate(method, scene, h=h, steps=steps, save_every=every, observe="energy")
     exact = bs.integrate("gauss4", scene, h=h / finer, steps=steps * finer, save_every=every * finer).y

@@ -43,7 +43,7 @@ def beside(distance):
 
 
 @pytest.fixture(autouse=True)
-def same_pilots(monkeypatch):
+def same_runs(monkeypatch):
     """Pilots of the same length however busy the machine is."""
     monkeypatch.setattr(runs_module, "SECONDS", 1e9)
 

@@ -107,9 +107,9 @@ class Prediction(NamedTuple):
         steps: The number of steps.
         seconds: The time on this machine; None if not requested, or if there are too few steps to measure it.
         energy: The largest change of the energy, relative to its value at the start if that is not 0.
-        solution: The largest distance from the exact solution, relative to the largest state of the whole run.
+        solution: The largest distance from the exact solution, relative to the largest state in that part.
         powers: The powers of h in the modified equation from which the errors follow; may be empty.
-        pilot: The part of the run, from 0 to 1, over which errors are expected: that which the perturbation run covers.
+        covered: The part of the run, from 0 to 1, over which errors are expected: that which the perturbation run covers.
 
     Example:
         >>> import bseries as bs
@@ -123,14 +123,14 @@ class Prediction(NamedTuple):
     energy: ExpectedError
     solution: ExpectedError
     powers: tuple[int, ...]
-    pilot: float
+    covered: float
 
     @property
     def basis(self) -> str:
         """The origin of expected errors."""
         if not self.powers:
             return ""
-        rest = "" if self.pilot >= 1 else f", over the first {100 * self.pilot:.2g} % of the time"
+        rest = "" if self.covered >= 1 else f", over the first {100 * self.covered:.2g} % of the time"
         return f"from the modified equation to h^{self.powers[-1]}{rest}"
 
     def __str__(self) -> str:

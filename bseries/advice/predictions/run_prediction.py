@@ -91,7 +91,7 @@ def predict_run(
 
     The time is measured on a part of the run, by the same code. Errors come from a solution of the modified equation
     y' = f(y) + h^p f_{p+1}(y) + … beside the exact flow, over the whole run, or over the part of it that takes some
-    seconds to follow, about 400 periods; `Prediction.pilot` is this part. Errors later in the run may be larger.
+    seconds to follow, about 400 periods; `Prediction.covered` is this part. Errors later in the run may be larger.
 
     Known errors should be within a factor of 3 (`docs/prediction.md` lists motions where they are not). They are
     unknown if terms of the modified equation do not decrease at this step size, if two truncations lead to energies
@@ -119,7 +119,7 @@ def predict_run(
         >>> found = predict_run("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=10**8)
         >>> print(found.energy, found.powers, 1 < found.seconds < 1000)
         2.8e-02 (2, 4) True
-        >>> found.pilot < 1e-3
+        >>> found.covered < 1e-3
         True
 
     References:

@@ -39,7 +39,7 @@ def test_errors_are_those_of_the_part_that_is_followed():
     scene, method, steps = turning("1/2"), "simplified-takahashi-imada", 10**5
     prediction = bs.predict_run(method, scene, h=0.2, steps=steps, timed=False)
     run = bs.integrate(method, scene, h=0.2, steps=steps, save_every=None, observe="energy", observe_every=1)
-    size, followed = energy_size(scene, scene.y0), round(prediction.pilot * steps)
+    size, followed = energy_size(scene, scene.y0), round(prediction.covered * steps)
     real, early = (relative_change(run.observed["energy"][:n], size) for n in (steps, followed))
     assert real > 1.2 * early  # control: it does drift
     assert "over the first" in str(prediction)
@@ -51,7 +51,7 @@ def test_errors_are_those_of_the_part_that_is_followed():
 def test_errors_of_symmetric_methods(scene, h, steps):
     made = bs.scene(scene)
     prediction = bs.predict_run("lobatto-iiia3", made, h=h, steps=steps, timed=False)
-    found, steps = prediction.solution, round(prediction.pilot * steps)
+    found, steps = prediction.solution, round(prediction.covered * steps)
     every = steps // 500
     runs = [bs.integrate(name, made, h=h, steps=steps, save_every=every).y for name in ("lobatto-iiia3", "gauss4")]
     assert found.value is not None, found.reason
@@ -67,7 +67,7 @@ def test_methods_that_are_symplectic_in_the_first_terms_only(times, h, steps):
     found = prediction.energy
     run = bs.integrate(method, pendulum, h=h, steps=steps, save_every=None, observe="energy", observe_every=1)
     energy, size = run.observed["energy"], energy_size(pendulum, pendulum.y0)
-    real = relative_change(energy[: round(prediction.pilot * steps)], size)
+    real = relative_change(energy[: round(prediction.covered * steps)], size)
     assert found.value is not None, found.reason
     assert 1 / FACTOR < found.value / real < FACTOR
 

@@ -17,7 +17,7 @@ SHIPPED = runs_module.MOST_POINTS
 
 
 @pytest.fixture(autouse=True)
-def short_pilots(monkeypatch):
+def short_runs(monkeypatch):
     """Half as long as they are otherwise."""
     monkeypatch.setattr(runs_module, "MOST_POINTS", SHIPPED // 2)
 
@@ -28,7 +28,7 @@ def predicted(scene, method, h, steps, **options):
 
 def followed(found):
     """The number of steps over which errors are expected."""
-    return round(found.pilot * found.steps)
+    return round(found.covered * found.steps)
 
 
 def measured(scene, method, h, steps, finer, looks=300):
@@ -84,7 +84,7 @@ def test_errors_are_within_a_factor_of_three(name, method, h, steps, finer):
         ("henon-heiles", "rk4", 0.1, 20_000, 1), ("outer-solar-system", "stormer-verlet", 100, 10_000, 2),
     ],
 )  # fmt: skip
-def test_errors_with_the_pilots_that_are_shipped(name, method, h, steps, finer, monkeypatch):
+def test_errors_over_the_whole_time_that_is_covered(name, method, h, steps, finer, monkeypatch):
     monkeypatch.setattr(runs_module, "MOST_POINTS", SHIPPED)
     test_errors_are_within_a_factor_of_three(name, method, h, steps, finer)
 
@@ -102,7 +102,7 @@ ROTATING = bs.scene("pendulum").with_start(p=[3], q=[0])
 def test_angles_grow_as_their_errors_do(scene, method, h, steps, finer):
     """Errors are relative to the angle at the end of the part that is followed, of which nothing goes beyond."""
     found = predicted(scene, method, h, steps)
-    assert found.pilot < 1 / 5
+    assert found.covered < 1 / 5
     real = measured(scene, method, h, followed(found), finer, looks=20_000)  # near a perihelion errors are large
     for expected, value in zip((found.energy, found.solution), real, strict=True):
         assert expected.value is not None, expected.reason
@@ -163,7 +163,7 @@ class TestUnknown:
         """The kicked solution is lost long before a run with so small errors is."""
         wild = [(1 / 3 - 0.01 - 0.002) ** 0.5, 0.1, 0.0, 0.0]
         found = predicted(bs.scene("henon-heiles"), "gauss4", 0.02, 30_000, y0=wild)
-        assert found.pilot == 1
+        assert found.covered == 1
         assert found.solution.value is None
 
     @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ class TestUnknown:
     def test_chaos_with_a_rough_method(self, scene, method, h, steps):
         """Errors larger than the kicks are linear in them for long, and then a hundred times as large as orbits are."""
         found = predicted(scene, method, h, steps)
-        assert found.pilot == 1
+        assert found.covered == 1
         assert found.solution.value is None
         assert "as in chaos" in found.solution.reason
         soon = predicted(scene, method, h, steps // 50).solution
@@ -242,10 +242,10 @@ def test_of_energy_that_is_conserved_only_rounding_is_left(name, method):
 
 
 @pytest.mark.parametrize("h", np.linspace(0.0147, 0.0157, 11))
-def test_of_runs_that_the_pilot_covers_nothing_is_extrapolated(h):
+def test_of_runs_that_are_covered_nothing_is_extrapolated(h):
     """Not even by one rounding of the time; three quarters of a turn would not tell how the solution goes on."""
     found = predicted(bs.scene("kepler"), "rk4", h, 300)
-    assert found.pilot == 1
+    assert found.covered == 1
     assert found.solution.value is not None
 
 
@@ -448,7 +448,7 @@ def test_failing_steps_are_errors():
 
 
 def test_nothing_is_asked_of_the_time_beyond_the_end():
-    """y' = y² blows up at t = 1, which a pilot of some hundred points would reach from a run to t = 0.2."""
+    """y' = y² blows up at t = 1, which a perturbation run of some hundred points would reach from a run to t = 0.2."""
     riccati = bs.scene("riccati")
     found = predicted(riccati, "rk4", 0.01, 20)
     run = bs.integrate("rk4", riccati, h=0.01, steps=20, save_every=1)
