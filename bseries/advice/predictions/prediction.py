@@ -109,7 +109,7 @@ class Prediction(NamedTuple):
         energy: The largest change of the energy, relative to its value at the start if that is not 0.
         solution: The largest distance from the exact solution, relative to the largest state in that part.
         powers: The powers of h in the modified equation from which the errors follow; may be empty.
-        covered: The part of the run, from 0 to 1, over which errors are expected: that which the perturbation run covers.
+        covered: The part of the run, from 0 to 1, that the perturbation run covers, and over which errors are expected.
 
     Example:
         >>> import bseries as bs

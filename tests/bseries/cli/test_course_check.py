@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bseries.cli.verbs.lecture import write_template
+from bseries.cli.verbs.course import write_template
 from bseries.course.answers import answer_template
 
 ANSWERS = Path(__file__).parents[1] / "course"

@@ -11,7 +11,7 @@ import pytest
 
 import bseries as bs
 from bseries.cli.output import Progress
-from bseries.cli.verbs.advice import FirstRun
+from bseries.cli.verbs.effects import FirstRun
 
 DAMPED = ("pendulum", "--method", "explicit-midpoint", "--effect", "damping", "--parameter", "gamma=1e-6")
 RUN = (*DAMPED, "--step", "1/20", "--span", "2")

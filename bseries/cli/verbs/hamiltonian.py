@@ -1,4 +1,4 @@
-"""`bseries equation`, `hamiltonian` and `drift`: modified equations and Hamiltonians on a scene, and what follows."""
+"""`bseries hamiltonian`: the modified Hamiltonian of a method, on a scene or in brackets."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import click
 
 from bseries.cli.application import Refusal, say
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
-from bseries.cli.options.values import REAL, WholeNumber, read_powers, takes_powers
+from bseries.cli.options.scene_argument import takes_parts, takes_scene
+from bseries.cli.options.values import REAL, read_powers, takes_powers
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
@@ -18,51 +18,10 @@ if TYPE_CHECKING:
     from integrators import Method, Scene
 
 
-@click.command()
-@takes_method()
-@takes_scene()
-@takes_parts
-@takes_powers
-@click.option("--modifying", is_flag=True, help="The modifying integrator, not the modified equation.")
-@takes_output
-def equation(
-    method: Method,
-    scene: Scene,
-    effects: Sequence[str],
-    parts: Any,
-    order: int | None,
-    modifying: bool,
-    power: int | None,
-    nonzero: bool,
-    output: Output,
-) -> Table:
-    """The modified equation of a method on a scene, in powers of h.
-
-    The numerical solution formally solves y' = f_h(y). With --modifying: the equation for which the method solves
-    y' = f(y). --order N means powers h^0 to h^(N-1). Trees whose elementary differentials vanish on the scene are left
-    out; the first line gives the number of the others.
-
-    \b
-    Examples:
-      bseries equation explicit-euler --scene riccati
-      bseries equation rk4 --scene pendulum --effect damping --parameter gamma=1/5
-      bseries equation stormer-verlet --scene kepler --order 3 --format latex
-      bseries equation implicit-midpoint --hamiltonian "p^2/2 - cos(q)" --order 3 --modifying
-      bseries equation symplectic-euler-p --ode "u' = u*(v-2); v' = v*(1-u)" --blocks "p=u;q=v" --order 3
-      bseries equation strang --scene pendulum --parts "a=p;b=q" --power 2
-
-    Equations consist of numbers, variables, parameters, + - * / ^, parentheses, sqrt, and elementary functions such as
-    sin and exp. A method that treats p and q differently applies to the blocks of these names.
-    """
-    from bseries.fields.modified_fields import modified_field, modifying_field
-
-    order, powers = read_powers(order, power)
-    f = (modifying_field if modifying else modified_field)(method, scene, order, parts=parts)
-    return f.to_table(powers, nonzero=nonzero, effects=effects, issues=method.issues)
-
-
 STEPS = 1000
 """Of the run in a plot."""
+
+
 OF_INTEGRATION = (
     "Found on this scene, not for all Hamiltonians: see --verdict. Where variables are angles, `bseries drift` "
     "determines whether it is a function of them."
@@ -159,53 +118,3 @@ def hamiltonian(
     if output.has_records and (end := energy.verdict.limit()):  # records have no notes
         say("warning", end)
     return table
-
-
-@click.command()
-@takes_method()
-@takes_scene()
-@takes_parts
-@takes_start
-@click.option("--step", "h", metavar="H", type=REAL, help="The step size, for predicted slopes and for trajectories.")
-@click.option("--steps", type=WholeNumber(), help="With several degrees of freedom: steps of the trajectory.")
-@click.option(
-    "--order", type=WholeNumber(), help="Powers h^0 to h^(N-1) of the modified equation; by default at least 7."
-)
-@takes_plot
-@takes_output
-def drift(
-    method: Method,
-    scene: Scene,
-    effects: Sequence[str],
-    *,
-    start: Any,
-    steps: int | None,
-    order: int | None,
-    plot: PlotFile,
-    output: Output,
-    **options: Any,
-) -> Table:
-    """Whether the energy error of a method stays bounded, drifts linearly, or like a random walk.
-
-    Finds the first power of h at which the modified equation has no Hamiltonian on the scene, and the mean rate of
-    change of the energy that follows. With one degree of freedom the mean is computed on the orbit from --start, or for
-    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step. --plot draws
-    the energy error of a run against the prediction.
-
-    \b
-    Examples:
-      bseries drift simplified-takahashi-imada --scene pendulum --effect asymmetry
-      bseries drift simplified-takahashi-imada --scene pendulum --effect asymmetry --start "p=5/2;q=0" --step 0.2
-      bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1 --plot drift.png
-      bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
-    """
-    from bseries.hamiltonians.energy_drift import STEPS, energy_drift
-    from integrators.runs.integration import integrate
-
-    if plot.path is not None and options["h"] is None:
-        raise Refusal("step must be given with --plot, for a run to compare with, but was not")
-    y0 = None if start is None else scene.with_start(**start).y0
-    run: dict[str, Any] = {**options, "y0": y0, "steps": STEPS if steps is None else steps}
-    report = energy_drift(method, scene, order, **run)
-    plot.save(lambda: report.plot(run=integrate(method, scene, observe="energy", **run)))
-    return report.to_table(effects)

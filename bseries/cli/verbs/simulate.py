@@ -1,20 +1,19 @@
-"""`bseries simulate` and `shadow`: runs of a method on a scene, ensembles, and modified energies along them."""
+"""`bseries simulate`: many steps of a method on a scene."""
 
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bseries.cli.application import Refusal, say, standard_input
+from bseries.cli.application import Refusal, say
 from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
-from bseries.cli.options.values import REAL, REALS, WholeNumber, read_assignments, takes_step
+from bseries.cli.options.values import REAL, WholeNumber, takes_step
 from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table, number_column
 
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
 
 NAMES = ("members", "workers", "processes", "scheduler", "seed", "temperature", "spread", "change", "keep")
 """Of the options of an ensemble."""
+
+
 LOCAL = "local"
 
 
@@ -134,6 +135,8 @@ def _table(
 
 OBSERVATIONS = 1000
 """The default number of observations of runs that store no states, and of states for a plot of them."""
+
+
 MOST_ROWS = 60
 """The most rows of printed tables; JSON has all."""
 
@@ -316,75 +319,3 @@ def _records(run: Trajectory, scene: Scene) -> Iterator[dict[str, Any]]:
             known = change is not None and first and not only_rounding
             record = record | {"relative": change / abs(first) if known else None}
         yield record
-
-
-@click.command()
-@click.argument("file", metavar="FILE", required=False, type=click.Path())
-@takes_scene(required=False)
-@click.option("--order", type=WholeNumber(), help="The largest order, 2 to 24; by default 16.")
-@click.option("--step", "h", metavar="H", type=REAL, help="The step size, if FILE does not contain it.")
-@click.option(
-    "--mass", metavar="LIST", type=REALS, help="A mass, one for each particle or one for each coordinate; by default 1."
-)
-@click.option(
-    "--columns", metavar="TEXT",
-    help='Columns by name, pattern or place, as in "q=x*,v=vx*,U=PotEng,F=fx*" or "t=0,p=1:3,q=3:5".',
-)  # fmt: skip
-@click.option(
-    "--layout", metavar="NAME", default="full", help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift."
-)
-@click.option(
-    "--period", metavar="LIST", type=REALS,
-    help="The edge of a periodic box, or one for each dimension: unwraps positions.",
-)  # fmt: skip
-@click.option(
-    "--tolerance", metavar="X", type=REAL,
-    help="Allowed relative distance of states from steps of the method; by default 1e-9.",
-)  # fmt: skip
-@click.option("--bound", metavar="E", type=REAL, help="Also the largest step that keeps the energy within ±E.")
-@takes_plot
-@functools.partial(takes_output, formats=NO_LATEX)
-def shadow(
-    file: str | None,
-    scene: Scene | None,
-    *,
-    effects: object,
-    columns: str | None,
-    bound: float | None,
-    plot: PlotFile,
-    output: Output,
-    **options: Any,
-) -> Table:
-    """Is the step size of a finished simulation too large? Does its energy drift?
-
-    Measures the modified ("shadow") energies of order 2 (the energy), 4, 6, … along a trajectory of velocity Verlet
-    (Störmer–Verlet, kick-drift-kick). They are constant up to higher and higher powers of the step. So they reveal a
-    drift that is hidden by the oscillation of the energy, and the effect of a smaller or larger step.
-
-    FILE is a trajectory of `bseries simulate`; an NPZ file of any program with the arrays q, p or v, U, gradU or F, and
-    perhaps t, h, mass; a text or NPY file with such columns (q1, q2, …), or - for text on standard input; --columns
-    assigns other names. It must contain every step. --scene supplies masses, potentials and forces; trajectories of
-    `bseries simulate` contain their scene. Numbers with few digits need a larger --tolerance.
-
-    \b
-    Examples:
-      bseries simulate lennard-jones --method stormer-verlet --step 1/200 --steps 20000 -o run.npz
-      bseries shadow run.npz
-      bseries shadow run.npz --order 12 --bound 1e-4 --plot run.png
-      bseries simulate toda --method stormer-verlet --step 0.1 --steps 999 --format csv | bseries shadow - --scene toda
-      bseries shadow md.csv --mass 39.948 --step 0.002 --columns "q=x*,v=vx*,U=PotEng,F=fx*"
-    """
-    from bseries.shadow.trajectory_energies import shadow_energy
-
-    if file is None:
-        raise Refusal("FILE must be given: a trajectory, as NPZ or text, or - for text on standard input")
-    chosen = None
-    if columns is not None:
-        pieces = re.split(r"[;,]\s*(?=\w+\s*=)|;\s*$", columns)  # commas separate names of one role as well
-        chosen = read_assignments(filter(None, pieces), "columns", '"q=x*,v=vx*"')
-    source = standard_input() if file == "-" else file
-    report = shadow_energy(source, scene, columns=chosen, progress=output.progress.update, **options)
-    table = report.to_table(bound)
-    if plot.path is not None:
-        report.save_plot(plot.path)
-    return table
