@@ -1,9 +1,10 @@
-"""Numba's decorators with a safe cache of machine code on disk.
+"""Machine code with a safe cache on disk: numba's decorators, and C functions that need numba to be compiled only.
 
 Numba's own cache raises an error if its folder cannot be written, trusts damaged files, and runs code that other users
 may have put there. Here the code of a function for one signature is one file, ``<cache>/<key>.code``: a checksum and
-numba's data. The key covers everything the code depends on: the text of the module and of further `sources` (numba does
-not notice edits of callees in other files), options, types, the processor, and versions. The cache is
+numba's data or object code. The key covers everything the code depends on: the text of the module and of further
+`sources` (numba does not notice edits of callees in other files), options, types, the processor, and versions. The
+cache is
 
 - the folder that the environment variable ``BSERIES_CACHE`` names, else
 - the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
@@ -15,6 +16,7 @@ memory where nothing can be written, and, with a warning, where others can write
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import linecache
 import os
@@ -22,14 +24,14 @@ import pickle
 import stat
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
@@ -37,7 +39,7 @@ UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDI
 CHECKSUM = 32
 """Bytes of SHA-256."""
 _compiling: set[object] = set()
-"""The functions, by their caches, that are being compiled."""
+"""The functions, by their caches or keys, that are being compiled."""
 
 
 def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
@@ -135,12 +137,12 @@ def _text_hash(source: Path) -> str | None:
 
 
 @cache
-def package_version() -> str:
-    """The version of this package; empty if it is not installed."""
+def package_version(package: str = PACKAGE) -> str:
+    """The version of a package, by default of this one; empty if it is not installed."""
     from importlib.metadata import PackageNotFoundError, distribution
 
     try:
-        text = distribution(PACKAGE).read_text("METADATA") or ""
+        text = distribution(package).read_text("METADATA") or ""
     except PackageNotFoundError:  # a checkout that is not installed
         return ""
     return text.partition("\nVersion: ")[2].partition("\n")[0]  # `version` would load a parser of e-mails
@@ -172,16 +174,10 @@ class _Cache:
         """The code in the file for a signature; None without a file that can be trusted."""
         from numba.core.compiler import CompileResult
 
-        path = self._path(signature, target.codegen())
-        if path is None or not _is_private(path.parent):
+        content = _read(self._path(signature, target.codegen()))
+        if content is None:
             return None
         try:
-            with open(path, "rb") as file:
-                if not _is_own(os.fstat(file.fileno())):
-                    return None
-                checksum, content = file.read(CHECKSUM), file.read()
-            if sha256(content).digest() != checksum:
-                return None
             found, code = pickle.loads(content)
             return CompileResult._rebuild(target, *code) if found == signature else None
         except Exception:  # unreadable files are made again
@@ -193,19 +189,8 @@ class _Cache:
 
         _compiling.discard(self)
         path = self._path(signature, result.codegen)
-        if path is None or result.library.has_dynamic_globals:
-            return
-        content = dumps((signature, result._reduce()))
-        try:
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if _is_private(path.parent):
-                _write(path, sha256(content).digest() + content)
-                mark = _mark(Path(self._function.__code__.co_filename))
-                if mark is not None and not mark.exists():
-                    _write(mark, b"")
-        except OSError as error:
-            if error.errno not in UNWRITABLE:
-                _warn(f"the cache {path.parent} cannot be written ({error.strerror})")
+        if path is not None and not result.library.has_dynamic_globals:
+            _keep(path, dumps((signature, result._reduce())), _mark(Path(self._function.__code__.co_filename)))
 
     def _path(self, signature: Any, codegen: Any) -> Path | None:
         """The file; None without a home, or if the source text is not available."""
@@ -221,8 +206,132 @@ class _Cache:
         parts = [repr((versions, name, self._options, str(signature))).encode(), text.encode()]
         parts += [source.read_bytes() for source in self._sources]
         parts += [dumps(cell.cell_contents) for cell in function.__closure__ or ()]
-        key = sha256(b"".join(sha256(part).digest() for part in parts)).hexdigest()
-        return directory / f"{key}.code"
+        return directory / _name(parts)
+
+
+class ObjectCode(NamedTuple):
+    """The machine code of a C function named `FUNCTION`."""
+
+    symbols: Sequence[str]  # the functions of the C library that it calls
+    content: bytes  # an object file
+
+
+FUNCTION = "function"
+
+
+class MachineCode:
+    """A C function in memory. Its machine code is freed with this object, which whoever knows the address must keep.
+
+    Attributes:
+        address: The address of the function.
+    """
+
+    def __init__(self, code: ObjectCode | int):
+        """Load object code, or take the address of code that stays in memory."""
+        self.address = code if isinstance(code, int) else self._loaded(code)
+
+    def _loaded(self, code: ObjectCode) -> int:
+        from llvmlite import binding
+
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        for symbol in code.symbols:
+            binding.add_symbol(symbol, c_address(symbol))
+        target = binding.Target.from_triple(binding.get_process_triple()).create_target_machine(jit=True)
+        self._loader = binding.create_mcjit_compiler(binding.parse_assembly(""), target)  # one for each can be freed
+        self._loader.add_object_file(binding.ObjectFileRef.from_data(code.content))
+        self._loader.finalize_object()
+        return self._loader.get_function_address(FUNCTION)
+
+    def function(self, prototype: Any) -> Any:
+        """The function for calls from Python, of a type made by `ctypes.CFUNCTYPE`; it keeps the machine code."""
+        made = prototype(self.address)
+        made.code = self
+        return made
+
+
+@cache
+def c_address(symbol: str) -> int:
+    """The address of a function of the C library.
+
+    Raises:
+        AttributeError: There is no such function.
+    """
+    library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)  # Python's own
+    return ctypes.cast(getattr(library, symbol), ctypes.c_void_p).value or 0
+
+
+def c_function(key: str, make: Callable[[], ObjectCode | int]) -> MachineCode:
+    """Load the machine code of a C function from the cache, without numba, or compile and keep it.
+
+    Args:
+        key: A name for the function, its source, and all sources on which its code depends.
+        make: Compiles the function. An address instead of object code means that the code refers to this process.
+    """
+    path = _object_path(key)
+    content = _read(path)
+    if content is not None:
+        symbols, _, code = content.partition(b"\n")
+        with suppress(AttributeError, UnicodeError):  # another C library
+            return MachineCode(ObjectCode(symbols.decode().split(), code))
+    _compiling.add(key)
+    try:
+        made = make()
+    finally:
+        _compiling.discard(key)
+    if path is not None and isinstance(made, ObjectCode):
+        _keep(path, " ".join(made.symbols).encode() + b"\n" + made.content)
+    return MachineCode(made)
+
+
+def _object_path(key: str) -> Path | None:
+    """The file of a C function; None without a home, or without numba, on whose version it depends."""
+    directory = cache_directory()
+    if directory is None or not has_numba():
+        return None
+    return directory / _name([key.encode(), repr(_surroundings()).encode()])
+
+
+@cache
+def _surroundings() -> tuple[Any, ...]:
+    """The processor, the versions and numba's settings, on which all object code depends."""
+    from llvmlite import binding
+
+    processor = binding.get_process_triple(), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_"))
+    return processor, settings, *map(package_version, (PACKAGE, "numba", "llvmlite")), sys.implementation.cache_tag
+
+
+def _name(parts: Iterable[bytes]) -> str:
+    """The name of the file for everything that code depends on."""
+    return sha256(b"".join(sha256(part).digest() for part in parts)).hexdigest() + ".code"
+
+
+def _read(path: Path | None) -> bytes | None:
+    """The content of a file that can be trusted; None if there is none."""
+    if path is None or not _is_private(path.parent):
+        return None
+    try:
+        with open(path, "rb") as file:
+            if not _is_own(os.fstat(file.fileno())):
+                return None
+            checksum, content = file.read(CHECKSUM), file.read()
+    except OSError:
+        return None
+    return content if sha256(content).digest() == checksum else None
+
+
+def _keep(path: Path, content: bytes, mark: Path | None = None) -> None:
+    """Write a file, and an empty one to mark it, where nobody else can write; warns if the disk does not permit it."""
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _is_private(path.parent):
+            _write(path, sha256(content).digest() + content)
+            if mark is not None and not mark.exists():
+                _write(mark, b"")
+    except OSError as error:
+        if error.errno not in UNWRITABLE:
+            _warn(f"the cache {path.parent} cannot be written ({error.strerror})")
 
 
 def _write(path: Path, content: bytes) -> None:

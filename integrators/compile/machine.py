@@ -7,6 +7,7 @@ cheaper arguments than NumPy arrays, which consist of seven words.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,16 @@ try:
     from llvmlite import ir
     from numba import njit, types
     from numba.core import cgutils
+    from numba.core.typing.ctypes_utils import from_ctypes
     from numba.extending import intrinsic as numba_intrinsic
 except ImportError as error:  # in a browser
     raise missing_package("numba", "steps on a scene", error) from None
 
+from integrators.compile.c_functions import STEPS
+from integrators.compile.lowering.objects import object_code
+
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite, sums are not reordered."""
-NO_ARRAYS: dict[str, Any] = {"no_rewrites": True}
-"""Generated steps have no array expressions to rewrite."""
-
 intrinsic: Any = numba_intrinsic  # numba passes the typing context itself
 
 compiled = njit(**OPTIONS)
@@ -41,10 +43,21 @@ def inlined_as(*signature: Any) -> Any:
 
 DOUBLES = types.CPointer(types.float64)
 DOUBLE, WHOLE, TRUTH = types.float64, types.int64, types.boolean
-STEPS = WHOLE(*[DOUBLES] * 6, DOUBLE, WHOLE, WHOLE)
-steps_in_c = machine_code.cfunc(STEPS, **OPTIONS, **NO_ARRAYS)
-"""Compiles to int64_t advance(double *state, *compensation, *memory, *control, *numbers, *work, double h,
-int64_t steps, int64_t fresh)."""
+
+
+def in_c(prototype: Any) -> Callable[[Any], Callable[[], Any]]:
+    """Turn a generated function into one that compiles it to a C function (see `integrators.compile.c_functions`).
+
+    Args:
+        prototype: The type of the C function, made by `ctypes.CFUNCTYPE`.
+    """
+    return lambda function: partial(object_code, function, signature_of(prototype), **OPTIONS)
+
+
+def signature_of(prototype: Any) -> Any:
+    """Numba's types of the result and of the arguments of a C function."""
+    made = prototype()
+    return from_ctypes(made.restype)(*map(from_ctypes, made.argtypes))
 
 
 CACHE_LINE = 64
@@ -119,8 +132,9 @@ def call_steps(
     typing_context: Any, address: Any, state: Any, compensation: Any, memory: Any, control: Any, numbers: Any,
     work: Any, h: Any, steps: Any, fresh: Any,
 ) -> Any:  # fmt: skip
-    """Call the function of `steps_in_c` at an address."""
-    return _emitted(WHOLE(WHOLE, *STEPS.args), lambda builder, *arguments: _call(builder, ir.IntType(64), *arguments))
+    """Call the C function of steps at an address."""
+    signature = WHOLE(WHOLE, *signature_of(STEPS).args)
+    return _emitted(signature, lambda builder, *arguments: _call(builder, ir.IntType(64), *arguments))
 
 
 def _emitted(signature: Any, emit: Callable[..., Any]) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ of its functions under this name.
 
 from __future__ import annotations
 
+import linecache
 import os
 import sys
 import threading
@@ -18,7 +19,7 @@ from importlib.util import module_from_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from weakref import WeakValueDictionary
+from weakref import WeakValueDictionary, finalize
 
 from foundation.machine_code import package_version
 
@@ -38,22 +39,27 @@ def load_module(
         >>> load_module("def twice(x):\\n    return 2*x\\n") is module
         True
     """
-    data = source.encode()
-    paths: list[Any] = [getattr(helper, "__file__", None) or helper for helper in helpers]
-    texts = [package_version().encode(), *(Path(path).read_bytes() for path in paths), data]
-    name = f"bseries_generated_{sha256(b''.join(sha256(text).digest() for text in texts)).hexdigest()}"
-    modules = sys.modules if keep else _PASSING
+    name, modules = module_name(source, helpers), sys.modules if keep else _PASSING
     with _LOCK:
         module = modules.get(name)
         if module is None:
-            loader = _Loader(data)
+            loader = _Loader(source.encode())
             module = modules[name] = module_from_spec(ModuleSpec(name, loader))
             try:
                 loader.exec_module(module)
             except BaseException:
                 del modules[name]
                 raise
+            if not keep:
+                finalize(module, linecache.cache.pop, loader.get_filename(name), None)
         return module
+
+
+def module_name(source: str, helpers: Sequence[ModuleType | str | os.PathLike[str]] = ()) -> str:
+    """The name of the module of a source, and of everything its machine code depends on."""
+    paths: list[Any] = [getattr(helper, "__file__", None) or helper for helper in helpers]
+    texts = [package_version().encode(), *(Path(path).read_bytes() for path in paths), source.encode()]
+    return f"bseries_generated_{sha256(b''.join(sha256(text).digest() for text in texts)).hexdigest()}"
 
 
 class _Loader(SourceLoader):

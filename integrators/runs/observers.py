@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from integrators.compile.lowering import SOURCES
+from foundation.machine_code import MachineCode
+from integrators.compile.c_functions import OBSERVER, c_function, data
 from integrators.compile.modules import load_module
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import SiteSum, energy_lines
@@ -26,28 +27,24 @@ FORMULAS = '''\
 """
 
 {imports}
-from foundation.machine_code import cfunc
-from numba import types
-from integrators.compile.lowering.units import lowered
-from integrators.compile.machine import DOUBLES, NO_ARRAYS, OPTIONS, stack
+from integrators.compile.c_functions import OBSERVER
+from integrators.compile.machine import in_c, stack
 
-OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
 {constants}
 '''
 
 FUNCTIONS = '''\
 """An observer that calls compiled functions."""
 
-from numba import carray, cfunc, types
-from integrators.compile.machine import DOUBLES, OPTIONS
-
-OBSERVER = types.void(types.float64, DOUBLES, DOUBLES)
+from numba import carray, cfunc
+from integrators.compile.c_functions import OBSERVER
+from integrators.compile.machine import OPTIONS, call_observer, signature_of
 
 
 def bound({arguments}):
     """The observer, for these functions."""
 
-    @cfunc(OBSERVER, **OPTIONS)
+    @cfunc(signature_of(OBSERVER), **OPTIONS)
     def observe(t, y, out):
         state = carray(y, {dimension})
 {body}
@@ -75,19 +72,21 @@ class Observers:
     def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
         """The quantities at a time and a state, (names,)."""
         state, out = np.array(y, dtype=float), np.empty(len(self))
-        if self._function is not None:
-            pointer = self._function.ctypes.argtypes[1]
-            self._function.ctypes(t, state.ctypes.data_as(pointer), out.ctypes.data_as(pointer))
+        if self.address:
+            OBSERVER(self.address)(t, data(state), data(out))
         return out
 
     @property
     def address(self) -> int:
-        """The address of the C function ``void (double t, double *y, double *out)``; 0: no quantities."""
-        return 0 if self._function is None else self._function.address
+        """The address of the C function ``void (double t, double *y, double *out)``; 0: no quantities.
+
+        The machine code is kept in memory by this object.
+        """
+        return self._codes[-1].address if self.names else 0
 
     @cached_property
-    def _function(self) -> Any:
-        return _c_function(self.scene, self.names, self._quantities) if self.names else None
+    def _codes(self) -> tuple[Any, ...]:
+        return _c_functions(self.scene, self.names, self._quantities)
 
     def check(self, t: float, y: np.ndarray) -> None:
         """Call the functions of the user once, since the C function cannot raise; refuse those that do."""
@@ -160,27 +159,22 @@ def _with_energy(scene: Scene) -> Scene | None:
 
 
 @lru_cache(maxsize=64)
-def _c_function(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> Any:
-    """The C function; the machine code of formulas is kept on disk."""
+def _c_functions(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The C function, after those that it calls; the machine code of formulas is kept on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
     functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
-    module: Any = _formulas(scene, formulas) if formulas else None
+    codes = (_formulas(scene, formulas),) if formulas else ()
     if not functions:
-        return module.observe
-    arguments = {f"f{k}": function for k, function in functions.items()}
-    lines = [f"out[{k}] = f{k}(t, state)" for k in functions]
-    if module is not None:
-        arguments["formulas"] = module.formulas
-        lines.append("formulas(t, y, out)")
+        return codes
+    lines = [*(f"out[{k}] = f{k}(t, state)" for k in functions), *["call_observer(formulas, t, y, out)"] * len(codes)]
+    arguments = {f"f{k}": function for k, function in functions.items()} | {"formulas": codes and codes[0].address}
     body = indent("\n".join(lines), " " * 8)
     text = FUNCTIONS.format(arguments=", ".join(arguments), dimension=scene.dimension, body=body)
-    return load_module(text, keep=False).bound(**arguments)
+    return *codes, load_module(text, keep=False).bound(**arguments)
 
 
-def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
-    """The module with the functions ``formulas`` and ``observe``, which write the quantities to an array."""
-    from integrators.compile import machine
-
+def _formulas(scene: Scene, quantities: Mapping[int, str]) -> MachineCode:
+    """The C function that writes formulas to an array."""
     writer, lines, base = ModuleText(lanes=True, plain=True), [], _base(scene)
     integrals = {}
     for k, quantity in quantities.items():
@@ -192,14 +186,8 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> Any:
             integrals[k] = filled(base.invariants[quantity], base)
     total = SiteSum.flat(scene, integrals)
     lines += total.lines({k: f"out[{k}] =" for k in integrals}, writer)
-    writer.function("formulas(t, y, out)", "Put the quantities in out.", lines, "@lowered(OBSERVER)")
-    writer.function(
-        "observe(t, y, out)",
-        "The same in C.",
-        ["formulas(t, y, out)"],
-        "@cfunc(OBSERVER, **OPTIONS, **NO_ARRAYS)",
-    )
-    return load_module(writer.source(scene, FORMULAS), helpers=[machine, *SOURCES])
+    writer.function("observe(t, y, out)", "Put the quantities in out.", lines, "@in_c(OBSERVER)")
+    return c_function(writer.source(scene, FORMULAS), "observe")
 
 
 @lru_cache(maxsize=256)

@@ -13,11 +13,12 @@ from fractions import Fraction
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
-from integrators.compile.lowering import SOURCES
-from integrators.compile.modules import load_module
+from foundation.machine_code import MachineCode
+from integrators.compile.c_functions import c_function
 from integrators.compile.printer import indented
 from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.flows import average_lines, flow_lines
@@ -33,7 +34,6 @@ TEMPLATE = '''\
 """
 
 {imports}
-from integrators.compile.lowering.units import lowered
 {kernels}
 
 {constants}
@@ -44,9 +44,19 @@ KERNELS = {
         "extrapolate", "factorize", "failed", "falls", "flow_point", "growth", "has_converged", "largest",
         "midpoint_step", "negligible", "next_interval", "solve", "subtract_from_identity", "within_rounding",
     ),
-    "integrators.compile.machine": ("STEPS", "bits", "fma", "pointer", "shifted", "stack", "steps_in_c"),
+    "integrators.compile.c_functions": ("STEPS",),
+    "integrators.compile.machine": ("bits", "fma", "in_c", "pointer", "shifted", "stack"),
 }  # fmt: skip
 """Kernels that generated steps may import, by module."""
+
+
+def source_of(module: str) -> Path:
+    """The file of a module, which is not imported."""
+    return Path(str(find_spec(module).origin))  # pyright: ignore[reportOptionalMemberAccess]
+
+
+HELPERS = tuple(map(source_of, (*KERNELS, "integrators.steppers.adaptive")))
+"""The files on which the machine code of steps depends, besides their text."""
 SIGNATURE = "source, compensation, m, controls, constants, w, h, steps, fresh"
 
 
@@ -79,10 +89,9 @@ class StepSource:
     iterates: bool
 
     @cached_property
-    def address(self) -> int:
-        """The address of the machine code (see `integrators.compile.machine.steps_in_c`)."""
-        helpers = [str(find_spec(module).origin) for module in (*KERNELS, "integrators.steppers.adaptive")]  # pyright: ignore[reportOptionalMemberAccess]
-        return load_module(self.text, helpers=[*helpers, *SOURCES]).in_c.address
+    def code(self) -> MachineCode:
+        """The machine code, a C function of type `STEPS`."""
+        return c_function(self.text, "advance", helpers=HELPERS)
 
 
 def step_source(structure: Structure, plan: Plan, options: Options) -> StepSource:
@@ -160,8 +169,7 @@ class _Step:
             "return done",
         ]
         writer.functions.write()
-        module.function(f"advance({SIGNATURE})", "Make steps, and count those that succeed.", lines, "@lowered(STEPS)")
-        module.function(f"in_c({SIGNATURE})", "The same in C.", [f"return advance({SIGNATURE})"], "@steps_in_c")
+        module.function(f"advance({SIGNATURE})", "Make steps, and count those that succeed.", lines, "@in_c(STEPS)")
         words = set(re.findall(r"\w+", module.bodies))
         used = {home: [name for name in names if name in words] for home, names in KERNELS.items()}
         kernels = "\n".join(f"from {home} import {', '.join(names)}" for home, names in used.items() if names)

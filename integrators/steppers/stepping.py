@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
-from integrators.compile.machine import call_observer, call_steps, compiled, kept, pointer, shifted
+from integrators.compile.c_functions import RECORDED, REPEATED, c_function, data
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.arguments import check_end, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -22,16 +22,18 @@ from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
-from integrators.steppers.adaptive import TIME, read_control, start_control
+from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
 from integrators.steppers.plan import Nodes, plan
-from integrators.steppers.source import StepSource, step_source
+from integrators.steppers.source import HELPERS, StepSource, source_of, step_source
 from integrators.steppers.states import State, StepError
 from integrators.steppers.step_model import Options
 from integrators.steppers.structure import Structure
 
 MOST_STEPS = 2**63 - 1
+NOTHING = (0, *[0, None, 0, None, 0] * 2)
+"""The last arguments of `recorded` where nothing is stored."""
 
 
 def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> StepSource:
@@ -162,7 +164,7 @@ class Stepper:
         Raises:
             StepError: A step did not converge, or its end was not finite.
         """
-        self._make(state, self._checked(state, steps), lambda n: ())
+        self._make(state, self._checked(state, steps), lambda n: NOTHING)
 
     def record(
         self,
@@ -204,7 +206,7 @@ class Stepper:
 
         def stored(n: int) -> tuple[Any, ...]:
             rows = rows_from(y_every, y_rows, y_times, n, first)
-            return *rows, observer, *rows_from(o_every, o_rows, o_times, n, first)
+            return observer, *rows, *rows_from(o_every, o_rows, o_times, n, first)
 
         self._make(state, steps, stored)
 
@@ -229,10 +231,9 @@ class Stepper:
         """
         steps, to = self._checked(state, steps), state.copy()
         times = read_whole(times, "times", "a whole number, 0 or more", 0, MOST_STEPS)
-        made = repeated(
-            self._compiled(state.solver).address, state.values, state.carry, state.memory, state.control,
-            to.values, to.carry, to.memory, to.control, *self._arrays(state),
-            state.h, steps, int(state.is_fresh), times,
+        made = _loop("repeated", REPEATED)(
+            self._compiled(state.solver).code.address, *_pointers(state), *_pointers(to), *self._arrays(state),
+            len(state.values), len(state.memory), len(state.control), state.h, steps, state.is_fresh, times,
         )  # fmt: skip
         if made < times:
             raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
@@ -241,17 +242,17 @@ class Stepper:
         """Make steps, with a change of solver if needed; `stored` maps n to the last arguments of `recorded`."""
         while steps > 0:
             before = state.copy()
-            if self._run(state, steps, *stored(state.n)):
+            if self._run(state, steps, stored(state.n)):
                 break
             steps -= self._go_back(state, before, steps)
             self._change_solver(state)
 
-    def _run(self, state: State, steps: int, *stored: Any) -> bool:
+    def _run(self, state: State, steps: int, stored: tuple[Any, ...] = NOTHING) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""
-        made = recorded(
-            self._compiled(state.solver).address, state.values, state.carry, state.memory, state.control,
-            *self._arrays(state), state.h, state.t0, state.n, steps, int(state.is_fresh),
-            *stored or (*rows_from(0, None, None, 0, 0), 0, *rows_from(0, None, None, 0, 0)),
+        made = _loop("recorded", RECORDED)(
+            self._compiled(state.solver).code.address, *_pointers(state), *self._arrays(state),
+            len(state.values), len(state.control) > 0, state.h, state.t0, state.n, steps, state.is_fresh,
+            *stored,
         )  # fmt: skip
         state.n += made
         state.is_fresh = False
@@ -267,7 +268,7 @@ class Stepper:
             check_end(state.t0, state.h, state.n + steps)
         return steps
 
-    def _arrays(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def _arrays(self, state: State) -> tuple[Any, Any]:
         """The numbers in compiled steps that depend on h only, and memory for work arrays."""
         key, source = (state.h, state.solver), self._compiled(state.solver)
         numbers = self._known_numbers.get(key)
@@ -276,7 +277,7 @@ class Stepper:
             self._known_numbers = {key: numbers}
         what = f"scene must be smaller: a step on {self.scene.name}"
         refuse_beyond_memory(8 * source.work, IntegratorError, what)
-        return numbers, np.empty(source.work)
+        return data(numbers), data(np.empty(source.work))
 
     def _go_back(self, state: State, before: State, steps: int) -> int:
         """Move to the start of the step that fails, and return the number of steps before it.
@@ -412,86 +413,20 @@ def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) 
             )
 
 
-def rows_from(
-    every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int
-) -> tuple[int, np.ndarray, np.ndarray]:
+def rows_from(every: int, rows: Any, times: Any, n: int, first: int) -> tuple[Any, ...]:
     """Arguments of `recorded`: store each `every`-th step after step n in arrays that begin after step `first`."""
     row = n // every - first // every if every else 0
-    return every, np.empty((0, 0)) if rows is None else rows[row:], np.empty(0) if times is None else times[row:]
+    places = (None if array is None else data(array[row:]) for array in (rows, times))
+    return every, next(places), 0 if rows is None else rows.shape[1], next(places), times is not None
 
 
-@kept
-def recorded(
-    advance, state, compensation, memory, control, numbers, work, h, t0, first, steps, fresh,
-    y_every, y_rows, y_times, observer, o_every, o_rows, o_times,
-):  # fmt: skip
-    """Make steps, store every `y_every`-th state and observe every `o_every`-th.
-
-    The machine code of the steps is called, not inlined: inlined into different loops, sums and products might fuse in
-    different ways, and storing states would change the run.
-
-    The arguments are the address of the steps and those of `steps_in_c`, of which `state`, `compensation`, `memory` and
-    `control` are changed in place; the time at step 0 and the number of earlier steps; and those of `Stepper.record`,
-    with empty arrays instead of None.
-    """
-    y = pointer(state)
-    done, y_row, o_row = 0, 0, 0
-    while done < steps:
-        n = first + done
-        stride = steps - done
-        if y_every:
-            stride = min(stride, y_every - n % y_every)
-        if o_every:
-            stride = min(stride, o_every - n % o_every)
-        made = call_steps(
-            advance, y, pointer(compensation), pointer(memory), pointer(control), pointer(numbers), pointer(work),
-            h, stride, fresh,
-        )  # fmt: skip
-        fresh = 0
-        done += made
-        finite = True
-        for i in range(len(state)):
-            finite &= state[i] - state[i] == 0.0
-        if made < stride or not finite:
-            break
-        n = first + done
-        t = control[TIME] if len(control) else t0 + n * h
-        if y_every and n % y_every == 0:
-            for i in range(len(state)):  # assignments of arrays compile in two seconds
-                y_rows[y_row, i] = state[i]
-            if len(y_times):
-                y_times[y_row] = t
-            y_row += 1
-        if o_every and n % o_every == 0:
-            call_observer(observer, t, y, shifted(pointer(o_rows), o_row * o_rows.shape[1]))
-            if len(o_times):
-                o_times[o_row] = t
-            o_row += 1
-    return done
+def _pointers(state: State) -> list[Any]:
+    """The data of a state, as arguments of steps."""
+    return [data(array) for array in (state.values, state.carry, state.memory, state.control)]
 
 
-@compiled
-def copy(source, to):
-    """Copy numbers; assignments of arrays compile slowly."""
-    for i in range(len(source)):
-        to[i] = source[i]
-
-
-@kept
-def repeated(
-    advance, start, start_compensation, start_memory, start_control, state, compensation, memory, control,
-    numbers, work, h, steps, fresh, times,
-):  # fmt: skip
-    """Repeat steps from the same start, without calls from Python; returns how often all of them succeeded."""
-    for done in range(times):
-        copy(start, state)
-        copy(start_compensation, compensation)
-        copy(start_memory, memory)
-        copy(start_control, control)
-        made = call_steps(
-            advance, pointer(state), pointer(compensation), pointer(memory), pointer(control), pointer(numbers),
-            pointer(work), h, steps, fresh,
-        )  # fmt: skip
-        if made < steps:
-            return done
-    return times
+@cache
+def _loop(name: str, prototype: Any) -> Any:
+    """A loop over steps (see `integrators.steppers.recording`)."""
+    path = source_of("integrators.steppers.recording")
+    return c_function(path.read_text(encoding="utf-8"), name, helpers=HELPERS).function(prototype)

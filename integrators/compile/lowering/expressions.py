@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import builtins
 import inspect
+import linecache
 import operator
 from collections.abc import Callable
 from textwrap import dedent
@@ -35,13 +36,15 @@ def refuse(node: ast.AST, reason: str = "is not lowered") -> NoReturn:
 
 def tree_of(function: Any) -> ast.FunctionDef:
     """The syntax tree of a function."""
-    tree = ast.parse(dedent(inspect.getsource(function))).body[0]
+    code: CodeType = function.__code__
+    lines = linecache.getlines(code.co_filename, function.__globals__)  # also of modules outside `sys.modules`
+    tree = ast.parse(dedent("".join(inspect.getblock(lines[code.co_firstlineno - 1 :])))).body[0]
     if not isinstance(tree, ast.FunctionDef):
         refuse(tree)
     tree.decorator_list = []
     compiled = compile(ast.Module([tree], []), "", "exec").co_consts
-    code = next(constant for constant in compiled if isinstance(constant, CodeType))
-    if (code.co_code, code.co_names) != (function.__code__.co_code, function.__code__.co_names):
+    found = next(constant for constant in compiled if isinstance(constant, CodeType))
+    if (found.co_code, found.co_names) != (code.co_code, code.co_names):
         raise NotImplementedError(
             f"{function.__name__} must be lowered from the file it was loaded from, which changed"
         )
@@ -53,7 +56,7 @@ def tree_of(function: Any) -> ast.FunctionDef:
                 refuse(node, "is over no range")
             case ast.Call(args=given, keywords=named) if named or any(isinstance(x, ast.Starred) for x in given):
                 refuse(node, "has more than positional arguments")
-            case ast.Call(func=called) if getattr(called, "id", None) in (None, *function.__code__.co_varnames):
+            case ast.Call(func=called) if getattr(called, "id", None) in (None, *code.co_varnames):
                 refuse(node, "calls a name that is no function of the module")
             case ast.Compare(ops=[_, _, *_]):
                 refuse(node, "compares more than two")

@@ -1,0 +1,239 @@
+"""Object code of C functions on disk: loaded without numba, made anew where it is damaged, freed with its last user."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import subprocess
+import sys
+import threading
+import weakref
+from hashlib import sha256
+from math import sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bseries as bs
+from foundation import machine_code
+from foundation.machine_code import CHECKSUM, MachineCode, ObjectCode, c_address, c_function
+from integrators.compile import c_functions
+from integrators.steppers import stepping
+
+ROOT = Path(__file__).parents[2]
+POSIX = pytest.mark.skipif(os.name != "posix", reason="owners and modes of POSIX")
+ROOT_ONLY = pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root gives files away")
+SINE = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
+
+
+@pytest.fixture
+def directory(tmp_path, monkeypatch):
+    monkeypatch.setenv("BSERIES_CACHE", str(tmp_path / "cache"))
+    machine_code._warn.cache_clear()
+    yield tmp_path / "cache"
+    machine_code._warn.cache_clear()
+
+
+@pytest.fixture
+def made():
+    """A function that compiles x ↦ 2 sin x, and a list that grows with each of its calls."""
+    from numba import types
+
+    from integrators.compile.lowering.objects import object_code
+
+    calls = []
+
+    def make():
+        calls.append(len(calls))
+        return object_code(double_sine, types.float64(types.float64))
+
+    return make, calls
+
+
+def double_sine(x):
+    return 2.0 * sin(x)
+
+
+def value(make, key="key"):
+    return c_function(key, make).function(SINE)(1.0)
+
+
+def test_code_is_found_again(directory, made):
+    make, calls = made
+    assert [value(make) for _ in range(3)] == [2 * np.sin(1.0)] * 3
+    assert calls == [0]
+    (file,) = directory.iterdir()
+    assert file.suffix == ".code"
+    if os.name == "posix":
+        assert (directory.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
+
+
+def test_the_key_versions_and_settings_count(directory, made, monkeypatch):
+    make, calls = made
+    value(make)
+    value(make, "other key")
+    assert len(calls) == 2
+    for name in ("NUMBA_OPT", "NUMBA_CPU_NAME"):
+        monkeypatch.setenv(name, "1")
+        machine_code._surroundings.cache_clear()
+        value(make)
+    monkeypatch.undo()
+    machine_code._surroundings.cache_clear()
+    assert len(calls) == 4
+
+
+@pytest.mark.parametrize("place", [0, CHECKSUM - 1, CHECKSUM, CHECKSUM + 1, 0.3, 0.6, -1])
+@pytest.mark.parametrize("damage", ["bit", "end"])
+def test_damaged_files_are_made_anew(directory, made, place, damage):
+    make, calls = made
+    value(make)
+    (file,) = directory.iterdir()
+    content = bytearray(file.read_bytes())
+    place = int(place * len(content)) if isinstance(place, float) else place
+    if damage == "bit":
+        content[place] ^= 4
+    else:
+        del content[place:]
+    file.write_bytes(content)
+    assert [value(make) for _ in range(2)] == [2 * np.sin(1.0)] * 2
+    assert calls == [0, 1]
+
+
+def test_functions_that_the_c_library_lacks(directory, made):
+    make, calls = made
+    value(make)
+    (file,) = directory.iterdir()
+    content = file.read_bytes()[CHECKSUM:].replace(b"sin\n", b"no_such_function\n", 1)
+    file.write_bytes(sha256(content).digest() + content)
+    assert value(make) == 2 * np.sin(1.0)
+    assert calls == [0, 1]
+    with pytest.raises(AttributeError):
+        c_address("no_such_function")
+
+
+@ROOT_ONLY
+@pytest.mark.parametrize("place", ["file", "folder"])
+def test_code_of_another_user_is_not_loaded(directory, made, monkeypatch, place):
+    make, calls = made
+    value(make)
+    (file,) = directory.iterdir()
+    os.chown(file if place == "file" else directory, 12345, 12345)
+    if place == "folder":
+        with pytest.warns(RuntimeWarning, match="others may write to the cache"):
+            value(make)
+    else:
+        value(make)
+    assert calls == [0, 1]
+
+
+@POSIX
+def test_code_that_others_can_write_is_not_loaded(directory, made):
+    make, calls = made
+    value(make)
+    (file,) = directory.iterdir()
+    file.chmod(0o622)
+    value(make)
+    assert calls == [0, 1]
+
+
+def test_where_nothing_can_be_written_code_stays_in_memory(tmp_path, made, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("BSERIES_CACHE", str(tmp_path / "file" / "cache"))
+    make, calls = made
+    assert [value(make) for _ in range(2)] == [2 * np.sin(1.0)] * 2
+    assert calls == [0, 1]
+
+
+def test_code_that_refers_to_this_process_is_not_kept(directory):
+    code = c_function("here", lambda: c_address("cos"))
+    assert code.function(SINE)(0.0) == 1.0
+    assert not directory.exists()
+
+
+def test_compiling_is_known_while_it_lasts(directory, made):
+    make, _ = made
+    seen = []
+    c_function("key", lambda: (seen.append(machine_code.is_compiling()), make())[1])
+    assert (seen, machine_code.is_compiling()) == ([True], False)
+
+
+def alive():
+    gc.collect()
+    return sum(isinstance(thing, MachineCode) for thing in gc.get_objects())
+
+
+def oscillator(k):
+    return bs.Scene({"p": 1, "q": 1}, hamiltonian=f"p^2/2 + {k}*q^2", start={"p": [0.0], "q": [1.0]})
+
+
+def test_the_code_of_fifty_scenes_is_freed(directory):
+    bs.integrate("rk4", oscillator(1000), h=0.01, steps=10, observe="energy")
+    before, modules = alive(), len(sys.modules)
+    for k in range(50):
+        bs.integrate("rk4", oscillator(k), h=0.01, steps=10, observe="energy")
+    assert alive() == before + 100  # steps and energies, which the last steppers and observers keep
+    for cache in (stepping._stepper, bs.integrate.__globals__["observers"].__globals__["_c_functions"]):
+        cache.cache_clear()
+    assert alive() <= before
+    assert len(sys.modules) == modules
+    assert len(c_functions._IN_MEMORY) <= before
+
+
+def test_the_engine_goes_with_the_code(directory, made):
+    make, _ = made
+    code = make()
+    assert isinstance(code, ObjectCode)
+    loaded = MachineCode(code)
+    function, engine = loaded.function(SINE), weakref.ref(loaded._loader)
+    del loaded
+    gc.collect()
+    assert engine() is not None
+    assert function(1.0) == 2 * np.sin(1.0)
+    del function
+    gc.collect()
+    assert engine() is None
+
+
+def test_a_run_keeps_its_code_while_all_else_forgets_it(directory):
+    scene = oscillator(2000)
+    expected = bs.integrate("rk4", scene, h=0.001, steps=200_000, save_every=None).y[:, -1]
+    made = stepping.Stepper(scene, bs.method("rk4"), None, stepping.Options("auto", True, True, None, None))
+    stepping._stepper.cache_clear()
+    state, code = made.start(h=0.001), weakref.ref(made._compiled("fixed-point").code)
+
+    def run(stepper):
+        for _ in range(200):
+            stepper.advance(state, 1000)
+
+    thread = threading.Thread(target=run, args=(made,))
+    thread.start()
+    del made
+    while thread.is_alive():
+        gc.collect()
+        for k in range(3):
+            bs.integrate("rk4", oscillator(3000 + k), h=0.01, steps=10)
+        stepping._stepper.cache_clear()
+    thread.join()
+    del thread
+    gc.collect()
+    assert (state.y == expected).all()
+    assert code() is None
+
+
+RUN = """
+import sys
+import bseries as bs
+run = bs.integrate("stormer-verlet", "pendulum", h=0.1, steps=1000, observe="energy")
+print(run.y[:, -1].tobytes().hex(), run.observed["energy"][-1].hex(), "numba" in sys.modules)
+"""
+
+
+def test_a_later_process_runs_without_numba_to_the_same_bits(directory):
+    lines = [
+        subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+        for _ in range(2)
+    ]
+    assert [line.pop() for line in lines] == ["True", "False"]
+    assert lines[0] == lines[1]
