@@ -8,7 +8,7 @@ import pytest
 
 import bseries as bs
 import trees.table
-from bseries.exact import recursions
+from bseries.exact import kernels, recursions
 from bseries.exact.arithmetic import Exact, majorants, prime_field
 from bseries.exact.recursions import Stages
 
@@ -84,6 +84,11 @@ def test_long_blocks_are_reduced(length):
 
 def exact_weights(method):
     return recursions.elementary_weights(method, TABLE, Exact())
+
+
+def test_balanced_residues_are_those_of_least_absolute_value():
+    least = list(range(-5, 6))
+    assert [kernels.balanced.py_func(x, 11, 1 / 11) for x in range(-27, 28)] == least * 5
 
 
 def test_numbers_that_are_divided_by_may_be_primes_in_use(execution):
