@@ -51,7 +51,7 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
     """A number in its narrowest domain: a Fraction, a float, or a SymPy expression without floats."""
     if isinstance(value, Decimal) and value.is_finite():
         return Fraction(value)
-    if isinstance(value, Rational) and not isinstance(value, bool):
+    if isinstance(value, Rational) and not isinstance(value, bool):  # SymPy's too
         return Fraction(int(value.numerator), int(value.denominator))
     if isinstance(value, Real) and not isinstance(value, bool):
         number = float(value)
@@ -61,8 +61,6 @@ def exact_number(value: object, name: str = "coefficient") -> Fraction | float |
     if type(value).__module__.startswith("sympy."):
         import sympy
 
-        if isinstance(value, sympy.Rational):
-            return Fraction(int(value.p), int(value.q))
         outside = (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
         if (
             isinstance(value, sympy.Expr)

@@ -331,4 +331,4 @@ def _extend(products: list[list[int]], n: int, parts: Sequence[int]) -> None:
     products.append([0] * n)
     for m in range(1, n + 1):
         factors = (products[m - 1][n - k] * parts[k] for k in range(1, n + 1))
-        products[m].append(math.lcm(*filter(None, factors)) if n >= m else 0)
+        products[m].append(math.lcm(*filter(None, factors)))
