@@ -1,6 +1,6 @@
-"""B-series and backward error analysis: the algebra of series, and the roof over `trees` and `integrators`.
+"""B-series and backward error analysis, on top of the packages `trees` and `integrators`.
 
-``import bseries as bs`` is enough. The main names of all three packages are here, the others one level down:
+``import bseries as bs`` is enough. The main names of all three packages are here, and the others are one level down:
 ``bs.stability``, ``bs.hopf``, ``bs.methods``, and so on. Heavy imports wait until a name is used (PEP 562);
 ``__init__.pyi`` is the list of public names, in each of these places.
 """

@@ -11,7 +11,7 @@ from integrators.core.errors import shown, suggestion
 
 FILE = "documents.schema.json"
 SHARED = "shared-"
-"""How the names of definitions begin that several kinds use."""
+"""Prefix of the names of definitions that several kinds use."""
 
 
 def json_schema(kind: str | None = None) -> dict[str, Any]:
@@ -22,8 +22,8 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
             ``scene-file`` for scene files and ``verdict`` for verdicts, which have no such entry. By default all kinds.
 
     Returns:
-        A schema of draft 2020-12; what it describes is under ``$defs``. It refuses entries that it does not know, so
-        that it changes with the documents.
+        A schema of draft 2020-12, with its definitions under ``$defs``. It refuses unknown entries, so that it changes
+        with the documents.
 
     Raises:
         SeriesError: There are no documents of this kind.

@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = (BLUE, ORANGE, BLACK, VERMILION, SKY, GREEN, PURPLE)
-"""Of curves: neighbours differ in grey, too."""
+"""Colours of curves; consecutive ones also differ in greyscale."""
 DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "<", "X", ">", "*", "d")
-"""Numbers of colours, dashes and markers are such that combinations repeat late."""
+"""The numbers of colours, dashes and markers are coprime in pairs, so that combinations repeat late."""
 SHADE = "#c6dbef"
-"""Of regions: light enough for lines and text on it."""
+"""Colour of regions, light enough for lines and text on it."""
 MANY = 10_000
-"""Number of points from which on a curve is stored as an image in PDF and SVG."""
+"""Curves with more points are stored as images in PDF and SVG."""
 TITLE = 54
-"""Most characters in a line of a title."""
+"""Largest number of characters in a line of a title."""
 OVER_DATA: dict[str, Any] = {"loc": "best", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
-"""Of a legend inside the axes, where curves would cross its text."""
+"""Style of a legend inside the axes; curves do not cross its text."""
 BAR = 0.6
-"""Thickness of a bar, as a part of the distance of bars."""
+"""Thickness of a bar, as a fraction of the distance between bars."""
 
 
 def line_style(k: int) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def line_style(k: int) -> dict[str, Any]:
 def draw_curves(
     ax: Axes, x: Any, curves: Mapping[str, Any], *, first: int = 0, points: bool = False, **style: Any
 ) -> None:
-    """Curves over x, or their points, after `first` others; with a legend if there are several."""
+    """Draw curves over x, or only their points, after `first` others; with a legend if there are several."""
     for k, (name, y) in enumerate(curves.items(), first):
         own = line_style(k) | style
         if points:
@@ -55,7 +55,7 @@ def draw_curves(
 
 
 def write_title(ax: Axes, text: str) -> None:
-    """A title in lines that a narrow figure has room for, in place of any other; names from files are no formulas."""
+    """Write a title, wrapped for narrow figures, in place of any other; `$` in names does not begin a formula."""
     for place in ("left", "center", "right"):
         ax.set_title("", loc=place)
     text = printed_text(text.removeprefix("the ")).replace(" = ", "\xa0=\xa0")
@@ -88,12 +88,12 @@ def axis_label(name: str, change: bool = False) -> str:
 
 
 def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SHADE) -> None:
-    """The region between two curves."""
+    """Shade the region between two curves."""
     ax.fill_between(x, low, high, color=color, linewidth=0, label=label, zorder=0)
 
 
 def draw_legend(ax: Axes, handles: Sequence[Any] | None = None, **options: Any) -> Any:
-    """A legend to the right of the axes; inside where the figure makes no room for it."""
+    """Draw a legend to the right of the axes, or inside them if the layout of the figure leaves no room."""
     managed: Any = ax.figure
     outside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5), "frameon": False}
     place = OVER_DATA if managed.get_layout_engine() is None else outside
@@ -102,18 +102,18 @@ def draw_legend(ax: Axes, handles: Sequence[Any] | None = None, **options: Any) 
 
 
 def draw_region(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray) -> None:
-    """The region of the plane where values, (len(y), len(x)), are negative, with its border and lines through 0."""
+    """Draw the region of the plane where values, (len(y), len(x)), are negative, its border and the axes."""
     import numpy as np
 
     ax.axhline(0, color=GREY, linewidth=0.6, zorder=1.5)
     ax.axvline(0, color=GREY, linewidth=0.6, zorder=1.5)
-    bounded = np.clip(values, -1, 1)  # beyond, only signs count
+    bounded = np.clip(values, -1, 1)  # only signs and small values matter
     ax.contourf(x, y, bounded, levels=[-2, 0], colors=[SHADE])
     ax.contour(x, y, bounded, levels=[0], colors=[BLUE], linewidths=1.2)
 
 
 def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, count: int) -> None:
-    """Level curves of values, (len(y), len(x)), as many as wanted, with about equal areas between them."""
+    """Draw `count` level curves of values, (len(y), len(x)), with about equal areas between them."""
     import numpy as np
 
     finite = np.where(np.isfinite(values), values, np.nan)
@@ -122,7 +122,7 @@ def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, coun
 
 
 def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:
-    """Horizontal bars with their names, the first one on top."""
+    """Draw horizontal bars with their names, the first one on top."""
     places = range(len(values))
     whiskers = {} if errors is None else {"xerr": errors, "error_kw": {"linewidth": 0.8, "capsize": 2}}
     ax.barh(places, values, height=BAR, **{"color": SHADE, "edgecolor": BLUE, "linewidth": 0.8, **whiskers, **style})

@@ -3,14 +3,14 @@
 Moving the root along one edge maps u ∘ v to v ∘ u. Elementary Hamiltonians change sign, H(u ∘ v) = −H(v ∘ u), so the
 Hamiltonian of a free tree is unique up to sign, and vanishes if u = v occurs: such free trees are called superfluous.
 
-For each tree only the edge to its largest child is considered. That edge leads towards the centroid, and these edges of
-all rootings are all edges of the free tree: if neither end of an edge between u and v chose it, the chosen neighbours w
+For each rooted tree only the edge to its largest child is considered. It leads towards the centroid. Every edge of the
+free tree is chosen by one of the rootings: if neither end of an edge between u and v chose it, the chosen neighbours w
 of u and x of v would give |u| > |w| ≥ |v| > |x| ≥ |u|.
 
 There are two kinds of colours. *Parts* of the system, f = Σ f^[ν], belong to the nodes. *Blocks* p and q of a
 Hamiltonian system belong to the edges: an edge has one end with ∂/∂p and one with ∂/∂q, the colour of a node is the
-block in which its parent is differentiated, and the colour of a root has no meaning. So a moved root gets the colour
-opposite to that of its neighbour.
+block in which its parent is differentiated, and the colour of a root has no meaning. When the root
+moves along an edge, the old root gets the colour opposite to that of the new one.
 """
 
 from __future__ import annotations

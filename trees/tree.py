@@ -58,7 +58,7 @@ class Tree:
     _shape: tuple[tuple[int, ...], tuple[int, ...]]
 
     def __new__(cls, text: str | Tree, *, names: Iterable[str] | None = None) -> Tree:
-        """Read the text."""
+        """Parse the text."""
         if isinstance(text, Tree):
             return text
         if not isinstance(text, str):
@@ -231,7 +231,7 @@ class Tree:
 
     @property
     def _levels_and_colors(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Levels and colours, kept from the first time on."""
+        """Levels and colours, computed at most once."""
         if not hasattr(self, "_shape"):
             levels, colors, stack = [], [], [(0, self)]
             while stack:
@@ -386,8 +386,8 @@ def _compare(first: Tree, second: Tree) -> int:
     """Negative, zero or positive if the first tree is smaller than, equal to or larger than the second.
 
     Of two trees with equal order and colour, the one whose `right` has more nodes has the smaller `left`. So the orders
-    of the children are compared from the last, where the larger order gives the smaller tree; if all are equal, the
-    children themselves are compared from the first.
+    of the children are compared from the last child on, and the larger order gives the smaller tree. If all orders are
+    equal, the children themselves are compared from the first on.
     """
     pairs = [(first, second)]
     while pairs:
@@ -428,7 +428,7 @@ def _integers(argument: str, values: Iterable[int]) -> list[int]:
 
 
 def _integer(argument: str, value: int) -> int:
-    """A level or a colour as an int, also from NumPy."""
+    """A level or a colour as an int; integers of NumPy are accepted."""
     try:
         number = index(value)
     except TypeError:

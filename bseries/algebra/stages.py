@@ -89,7 +89,7 @@ class RationalStages(MethodStages):
 
     @property
     def growth(self) -> float:
-        """Some κ ≥ 0 such that |a(τ)| ≤ 2^(κ·n)."""
+        """A number κ ≥ 0 such that |a(τ)| ≤ 2^(κ·n)."""
         return float(self.exponent)
 
     @cached_property
@@ -108,7 +108,7 @@ class RationalStages(MethodStages):
 
 
 def check_method(method: object) -> Method:
-    """Return the method, or raise a SeriesError if it is none."""
+    """Return the method; raise a SeriesError if it is no method."""
     if isinstance(method, Method):
         return method
     raise SeriesError(
@@ -158,7 +158,6 @@ def _program_stages(program: Program, order: int) -> MethodStages:
 def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()) -> MethodStages:
     """Stages with these entries; blocks are polynomials modulo powers of their variable."""
     relation = [0] * size if blocks else []
-
     try:
         kind, entries, ring, step = narrowest([*a, *b])
     except ZeroDivisionError:
@@ -225,7 +224,7 @@ def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
 
 
 def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
-    """Bounds on the entries of the tableaux, from floats with errors of a few units in the last place."""
+    """Upper bounds on the absolute values of the entries, from floats with errors of a few units in the last place."""
     tableaus = [algebra.tableau_float() for algebra in algebras]
     a = [entry for A, _, _ in tableaus for row in A for entry in row]
     b = [entry for _, b, _ in tableaus for entry in b]
@@ -338,7 +337,7 @@ def _add(row: Row, other: Row, factor: Any) -> None:
 
 @lru_cache(maxsize=64)
 def flow_chain(program: Program) -> FlowChain | None:
-    """The chain of flows that a program is, for trees with one node; None for other programs."""
+    """A program as a chain of flows, for trees with one node; None if it is not such a chain."""
     parts: list[int | None] = []
     times: list[Any] = []
     point = LinearForm(1)
@@ -407,8 +406,9 @@ class FlowChain:
 
         α(w) is the coefficient of the word w of letters (parts) c in the product of the exponentials exp(t c) of the
         flows. Words are sorted, and the first flow gives the letters in front. a(τ) is the sum of α over the orders of
-        the nodes of τ in which children precede their parents, and a tall tree has one only: all order conditions up to
-        n nodes hold if and only if α(w) = 1/|w|! for all words up to n letters, of which there are far fewer.
+        the nodes of τ in which children precede their parents, and a tall tree has only one such order. So all order
+        conditions up to n nodes hold if and only if α(w) = 1/|w|! for all words up to n letters. There are far fewer
+        words than trees.
 
         References:
             A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
@@ -428,7 +428,7 @@ class FlowChain:
         return found
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-        """The coefficients of the method."""
+        """The coefficients of the method, by Lie series from the last flow to the first."""
         values = None
         for part, time in zip(reversed(self.parts), reversed(self.times), strict=True):
             node = arithmetic.vector([time * arithmetic.node_factor(field=True)])[0]

@@ -1,7 +1,7 @@
-"""Whether two formulas are equal as functions, and in what they differ.
+"""Whether two formulas are equal as functions, and how they differ.
 
-Different functions differ at a random point, where 50 digits tell them apart. Functions that agree at all points are
-compared exactly, by the normal forms of a differential ring; where these do not decide, the points do.
+Different functions differ at random points, where 50 digits are compared. Functions that agree at all of them are
+compared exactly, by normal forms in a differential ring. If these do not decide, the agreement at the points counts.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ from bseries.fields.differential_rings import DifferentialRing
 DIGITS, AGREEING = 80, 50
 """Digits of values at a point, and how many of them must agree."""
 POINTS, TRIED = 20, 400
-"""Points at which formulas are compared, and how many are tried to find those where the second one is real."""
+"""Number of points at which formulas are compared, and of trials to find points where the second formula is real."""
 SPREAD = 10**9 + 7
 """Coordinates are multiples of 1/SPREAD between −2 and 2."""
 LARGEST = 1000
-"""Of the decimal exponents of a value, whose exponential mpmath still computes at once."""
+"""Largest decimal exponent of a value; mpmath still computes the exponential of such a value quickly."""
 MOST_MONOMIALS = 2_000
-"""Of a normal form; answers are shorter."""
+"""Largest number of monomials in a normal form; answers have fewer."""
 MOST_DENOMINATOR = 1_000
-"""Of a factor that a remark names."""
+"""Largest denominator of a factor that a remark states."""
 POWERS = (0, 1, 2, -1, -2)
 """Powers of h in such a factor."""
 SMALL_STEP = 4
-"""The power of h of a difference is measured at h = 10^(−SMALL_STEP) and at half of it."""
+"""The power of h in a difference is measured from its values at h = 10^(−SMALL_STEP) and at half of that."""
 
 FUNCTIONS = {"Pi": "pi", "Exp1": "e"}
-"""Names of mpmath for those of SymPy that differ."""
+"""Names in mpmath of SymPy's functions and constants, where they differ."""
 
 EXACTLY = "equal exactly"
 AT_POINTS = f"equal to {AGREEING} digits at {POINTS} random points"
 
 
 def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False) -> str:
-    """How two formulas are found equal, `EXACTLY` or `AT_POINTS`, maybe up to a constant; empty if they differ.
+    """How two formulas were found equal: `EXACTLY` or `AT_POINTS`; empty if they differ.
 
-    Points where the second one is not real do not count.
+    Points where the second formula is not real do not count. With `constant`, formulas that differ by a constant count
+    as equal.
 
     Example:
         >>> q = sympy.Symbol("q")
@@ -70,7 +71,7 @@ def equality(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symb
             return EXACTLY
     except SeriesError:
         pass
-    is_small_number = not constant and (first - second).is_zero is False  # which no digits tell
+    is_small_number = not constant and (first - second).is_zero is False  # digits cannot show this
     return "" if is_small_number else AT_POINTS
 
 
@@ -79,7 +80,7 @@ def factor_between(
 ) -> str:
     """The factor c h^k by which the first formula differs from the second, as text; empty if there is none.
 
-    c is a rational number with a small denominator, and k one of `POWERS` if h is a symbol. Up to a constant, k is 0.
+    c is a rational number with a small denominator, and k is one of `POWERS` if h is a symbol. With `constant`, k is 0.
 
     Example:
         >>> h, p = sympy.symbols("h p")
@@ -104,7 +105,7 @@ def factor_between(
 
 
 def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> int:
-    """The lowest power of h in the difference of two different formulas; 0 if h is no symbol or the power is no number.
+    """The lowest power of h in the difference of two formulas; 0 if there is no h, or the power is unclear.
 
     Example:
         >>> h, y = sympy.symbols("h y")
@@ -124,7 +125,7 @@ def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[s
 
 
 def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
-    """Whether a number differs from another, not zero, by at most half a unit of its last significant digit.
+    """Whether a number agrees with a nonzero one to within half a unit of the last of its significant digits.
 
     Example:
         >>> [has_digits(sympy.Rational(x), sympy.pi, 3) for x in ("3.14", "3.1416", "3.15")]
@@ -137,7 +138,7 @@ def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
 
 
 def agree(first: Any, second: Any) -> bool:
-    """Whether two numbers of mpmath agree to `AGREEING` digits, or to as many places where both are small."""
+    """Whether two numbers of mpmath agree to `AGREEING` digits, or to as many decimal places if both are small."""
     return abs(first - second) <= mpmath.mpf(10) ** -AGREEING * max(1, abs(first), abs(second))
 
 
@@ -169,9 +170,9 @@ def value(formula: Any, point: Mapping[Any, Any]) -> Any:
 def _at_points(
     first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], fixed: Mapping[Any, Any] | None = None
 ) -> list[tuple[dict[sympy.Symbol, Any], Any, Any]]:
-    """Random points where the second formula is real, with the values of both; none if the first is not real at one.
+    """Random points where the second formula is real, with both values; none if the first is not real at one of them.
 
-    Some symbols may have fixed values.
+    The symbols in `fixed` have given values.
     """
     random, found = Random(1), []
     with mpmath.workdps(DIGITS):

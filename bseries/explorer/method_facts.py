@@ -1,4 +1,4 @@
-"""What a page shows of a method: tableau, order and structure, modified equation, stability region and order star."""
+"""A method as shown on a page: tableau, order, structure, modified equation, stability region and order star."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from trees.counting import count_trees
 from trees.drawing import svg
 
 MOST_TREES = 300
-"""Of a page: eight nodes without colours, five with two."""
+"""Largest number of trees on a page: those up to eight nodes without colours, up to five with two."""
 DEFAULT_TREES = 100
+"""Largest number of trees on a page by default."""
 
 
 class TermRow(NamedTuple):
@@ -55,7 +56,7 @@ class MethodFacts(NamedTuple):
 
 
 def most_nodes(method: Method, trees: int = MOST_TREES) -> int:
-    """The largest number of nodes for which there are at most so many trees.
+    """The largest number of nodes up to which there are at most `trees` trees.
 
     Example:
         >>> import bseries as bs
@@ -69,11 +70,11 @@ def most_nodes(method: Method, trees: int = MOST_TREES) -> int:
 
 
 def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
-    """A method for a page.
+    """The facts about a method that a page shows.
 
     Args:
         method: The method.
-        nodes: The largest number of nodes of trees; by default as many as there are about a hundred trees of.
+        nodes: The largest number of nodes of trees; by default the largest with at most a hundred trees.
 
     Raises:
         SeriesError: There would be too many trees, or the method is inconsistent.
@@ -125,7 +126,7 @@ def _row(term: SeriesTerm, names: tuple[str, ...] | None) -> TermRow:
 
 
 def _number(value: Any) -> float:
-    """The value as a double; not a number for a formula in the symbols of the tableau."""
+    """The value as a double; NaN for a formula in the symbols of the tableau."""
     try:
         return float(value)
     except TypeError:
@@ -142,13 +143,13 @@ def _tableau(method: Method) -> str:
 
 
 POINTS = 161
-"""On each side of the grid."""
+"""Number of grid points in each direction."""
 LEAST, MOST = 4.0, 60.0
 """Bounds of the half width of the window."""
 
 
 class StabilityShapes(NamedTuple):
-    """Where a method is stable."""
+    """The stability region and the order star of a method, on a grid."""
 
     formula: str  # the stability function R as text
     axis: np.ndarray  # real parts, and imaginary parts, of the grid
@@ -158,7 +159,7 @@ class StabilityShapes(NamedTuple):
 
 
 def stability_shapes(method: Any) -> StabilityShapes:
-    """The values of log |R| and log |R e^(−z)| in a window about the stability region.
+    """The values of log |R| and log |R e^(−z)| in a window around the stability region.
 
     Args:
         method: A Runge–Kutta method without symbols.

@@ -1,4 +1,4 @@
-"""Processes that compute for the server, within bounds of time and memory: whoever exceeds them is replaced."""
+"""Worker processes of the server. A worker that exceeds the bounds of time or memory is replaced."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from typing import Any
 from bseries.exceptions import SeriesError
 
 SECONDS = 30.0
-"""For one request, including the time to start a worker; machine code is compiled on first use."""
+"""Time limit of a request. It includes the start of a worker and the compilation of machine code at first use."""
 WAITING = 60.0
-"""Until a worker is free."""
+"""Longest time to wait for a free worker, in seconds."""
 BYTES = 3 * 2**30
-"""Of a worker."""
+"""Memory limit of a worker."""
 
 
 class NotComputed(SeriesError):
-    """A request that took too long, ended its process, or found no free one: asked again, it may be answered."""
+    """A request that took too long, ended its process or found no free worker. Repeating it may succeed."""
 
 
 class Worker:
-    """A process that computes one thing after the other.
+    """A process that answers one request at a time.
 
     Example:
         >>> from bseries.explorer.reading import read_integer
@@ -47,7 +47,7 @@ class Worker:
         self.seen.clear()
 
     def ask(self, function: Callable[..., Any], *arguments: Any, seconds: float = SECONDS) -> Any:
-        """The value of a function in the process.
+        """The value of a function, computed in the process.
 
         Raises:
             SeriesError: The function refused its arguments, took too long or needed too much memory.
@@ -74,7 +74,7 @@ class Worker:
             self._start()
 
     def stop(self) -> None:
-        """End the process, also while it computes."""
+        """End the process, even during a request."""
         self._is_stopped = True
         self._end()
 
@@ -85,7 +85,7 @@ class Worker:
 
 
 def _work(pipe: Any, most_bytes: int) -> None:
-    """Answer requests until the other end is closed."""
+    """Answer requests until the other end of the pipe is closed."""
     import signal
 
     from bseries import errors
@@ -106,7 +106,7 @@ def _work(pipe: Any, most_bytes: int) -> None:
             answer = False, str(error)
         except MemoryError:
             answer = False, "request must need less memory than there is"
-        except Exception as error:  # the page says so, and the server lives on
+        except Exception as error:  # the page reports it, and the server goes on
             answer = False, f"request could not be computed ({type(error).__name__}: {error})"
         try:
             pipe.send(answer)
@@ -117,7 +117,7 @@ def _work(pipe: Any, most_bytes: int) -> None:
 
 
 class Workers:
-    """Some workers, and a queue for them. Whoever has computed for a key before computes for it again, if free."""
+    """Several workers and a queue for them. A free worker that has computed for a key before is preferred for it."""
 
     def __init__(self, count: int = 2):
         self._idle = [Worker() for _ in range(count)]
@@ -125,10 +125,10 @@ class Workers:
         self._free = asyncio.Semaphore(count)
 
     async def ask(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-        """The value of a function in one of the processes.
+        """The value of a function, computed in one of the processes.
 
         Raises:
-            SeriesError: As `Worker.ask`; or no worker has become free in time.
+            SeriesError: As for `Worker.ask`; or no worker became free in time.
         """
         try:
             await asyncio.wait_for(self._free.acquire(), WAITING)
@@ -144,7 +144,7 @@ class Workers:
             self._free.release()
 
         answer.add_done_callback(release)
-        return await asyncio.shield(answer)  # whoever asked may go away; the worker is free only at the end
+        return await asyncio.shield(answer)  # if the client disconnects, the worker stays busy until the end
 
     def stop(self) -> None:
         """End all processes."""

@@ -31,7 +31,7 @@ KNOWN = ((2, -5, 0, 0, 0), (0, 0, 1, -2, 0), (0, 0, 0, 2, -3))
 
 
 class Divisors(NamedTuple):
-    """The divisors of a set of planets."""
+    """The least divisors of a set of planets, by |k|."""
 
     norm: np.ndarray  # |k| = 1, 2, …
     least: np.ndarray  # least |k·ω| with this |k|, in radians per year
@@ -39,12 +39,12 @@ class Divisors(NamedTuple):
 
     @property
     def nu(self) -> int:
-        """ν = d − 1 for d planets; for larger ν almost all frequencies have such a γ > 0."""
+        """ν = d − 1 for d planets; for larger ν almost all frequencies satisfy the condition with some γ > 0."""
         return self.k.shape[1] - 1
 
     @property
     def gamma(self) -> float:
-        """The largest γ with |k·ω| ≥ γ |k|^(−ν) for all of them."""
+        """The largest γ with |k·ω| ≥ γ |k|^(−ν) for all these k."""
         return float((self.least * self.norm ** float(self.nu)).min())
 
 
@@ -83,7 +83,7 @@ def mean_motions() -> np.ndarray:
 
 
 def divisors(omega: np.ndarray, reach: int) -> Divisors:
-    """The least divisors of all k with |k| ≤ reach; of k and −k the one with a positive last entry."""
+    """The least divisor for each |k| ≤ reach; of k and −k the one with k·ω > 0."""
     k, norms = np.zeros((1, 0), dtype=np.int8), np.zeros(1, dtype=np.int64)
     for _ in omega:
         values = np.arange(-reach, reach + 1, dtype=np.int8)
@@ -119,7 +119,7 @@ def caption(numbers: SmallDivisors) -> str:
 
 
 def draw(numbers: SmallDivisors, figure: Figure) -> None:
-    """Left the four giants, right all planets."""
+    """Draw the four giants on the left, all planets on the right."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, found in ((left, numbers.giants), (right, numbers.planets)):
         axes.loglog(found.norm, found.least, "o", color=BLUE, label=r"least $|k\cdot\omega|$")
@@ -139,7 +139,7 @@ def draw(numbers: SmallDivisors, figure: Figure) -> None:
 
 
 def _draw_known(axes: Axes, omega: np.ndarray) -> None:
-    """The divisors known to astronomers, if all of their planets are included."""
+    """Draw the divisors known to astronomers whose planets are all included."""
     for k in KNOWN:
         if not any(k[len(omega) :]):
             norm, size = sum(map(abs, k)), abs(float(np.dot(k[: len(omega)], omega)))

@@ -7,7 +7,8 @@ determinant is 1, its eigenvalues are e^(±iθ) with cos θ = (a + d)/2, and its
 
     θ / sin θ · [[(a − d)/2, −x b], [x c, (d − a)/2]],    sin θ = (1 + cos θ) tan(θ/2).
 
-It is singular in x at poles of the step, and where θ is a nonzero multiple of π, unless the step is ±1 there. Hence
+It is singular in x at poles of the step, and where θ is a nonzero multiple of π, unless the step matrix is ±1 there.
+Hence
 
     H̃ = Σ_κ θ/sin θ (c T_κ + b U_κ + (d − a)/h X_κ)   with T = ½ pᵀBp, U = ½ qᵀCq, X = ½ pᵀq on the mode κ.
 """
@@ -38,7 +39,7 @@ from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
 
-DIGITS = 60  # digits of roots and eigenvectors, of which eigenvectors of nearly equal eigenvalues lose many
+DIGITS = 60  # digits of roots and eigenvectors; nearly equal eigenvalues lose many of them
 TOLERANCE = 1e-9  # largest value that counts as zero at a root
 PIECES = 64  # the number of segments along which the branch of an angle is continued
 
@@ -119,7 +120,7 @@ class OscillatorStep:
         return found[0], found[1], found[2]
 
     def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
-        """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; for κ < 0 without the factors i."""
+        """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; without the factors i if κ < 0."""
         squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
         rational = h * sympy.sqrt(abs(kappa) if kappa.is_negative else kappa)
         root = sympy.sqrt(squared.subs(self.s, 0))
@@ -137,7 +138,7 @@ class OscillatorStep:
             return 1.0, 1.0, 0.0
         a, b, c, d = self._numeric(x * x)
         angle, sine = self._angle(x)
-        if sine == 0:  # the step is ±1, and the limit finite
+        if sine == 0:  # the step matrix is ±1, and the limit is finite
             return self.coefficients(x * (1 - TOLERANCE))
         return angle / sine * b, angle / sine * c, angle / sine * (d - a) / x
 
@@ -171,7 +172,7 @@ class OscillatorStep:
         return next((math.sqrt(abs(s)) for s, is_pole in found if is_pole or not self._is_regular(s)), math.inf)
 
     def _is_regular(self, s: complex) -> bool:
-        """Whether the logarithm is analytic at a point with cos θ = ±1: the step is ±1, or θ = 0."""
+        """Whether the logarithm is analytic at a point with cos θ = ±1: the step matrix is ±1, or θ = 0."""
         a, b, c, d = self._numeric(s)
         return max(abs(b), abs(c), abs(a - d)) < TOLERANCE or abs(self._angle(cmath.sqrt(s))[0]) < 1
 
@@ -246,7 +247,7 @@ class LinearHamiltonian:
         return ((y @ self.matrix(h)) * y).sum(axis=1)
 
     def radius_at(self, y: np.ndarray) -> float:
-        """The radius of convergence, at all points."""
+        """The radius of convergence, the same at all points."""
         return self.radius
 
     def expression(self, h: Any) -> sympy.Expr:
@@ -334,7 +335,7 @@ class ClosedHamiltonian:
         label: The names of the method and the scene.
         scene: The scene.
         kind: ``"linear"`` or ``"field-nijhoff"``.
-        radius: The radius of convergence in h, a number or a formula in the variables.
+        radius: The radius of convergence in h, a number, or a formula in the variables.
         variables: The names of the variables.
 
     Example:

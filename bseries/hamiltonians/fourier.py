@@ -18,7 +18,7 @@ from bseries.fields.polynomials import Element
 MOST_POWER = 50  # higher powers of trigonometric polynomials raise an error
 
 DIGITS = 100
-POINTS = 3  # a coefficient that vanishes to this number of digits at this number of points is zero
+POINTS = 3  # a coefficient that vanishes to `DIGITS` digits at this number of points counts as zero
 
 Mode = tuple[int, ...]  # the integers k of a wave e^(ik·θ)
 
@@ -52,7 +52,7 @@ class FourierRing(DifferentialRing):
             self._waves.append((z, inverse))
 
     def _leaves(self, formula: Any) -> Iterator[Any]:
-        """The largest parts of a formula without angles."""
+        """The largest subexpressions without angles."""
         if formula.free_symbols.isdisjoint(self.angles):
             yield formula
         else:
@@ -131,7 +131,7 @@ class FourierRing(DifferentialRing):
     def _vanishes(self, element: Element, random: Random) -> bool:
         """Whether an element is zero to many digits, relative to its monomials, at a random point."""
         formula: Any = self.expression(element)
-        # Both signs, to distinguish √(a²) from a.
+        # Values of both signs distinguish √(a²) from a.
         numbers = {
             x: sympy.Rational(random.randint(-999_999, 999_999), 300_007) for x in sorted(formula.free_symbols, key=str)
         }

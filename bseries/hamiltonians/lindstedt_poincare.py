@@ -39,7 +39,7 @@ from trees.compiled import float_kernel
 
 
 class Elimination:
-    """Series S and N of the Hamiltonian K + ε H_1 + …; resonant modes raise an error, or stay in N."""
+    """The series S and N for the Hamiltonian K + ε H_1 + …; resonant modes raise an error or stay in N."""
 
     def __init__(self, ring: FourierRing, terms: Sequence[Element], *, keep_resonant: bool = False):
         self.ring, self._keep = ring, keep_resonant
@@ -393,8 +393,8 @@ def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Seque
 
 
 CONTINUATIONS = (1, 8, 64)
-"""The numbers of steps of the continuation, tried in this order: of 2,000 points near a small denominator, 75 would
-reach another solution without, and 45 with 8 steps at most."""
+"""The numbers of steps of the continuation, tried in this order. Of 2,000 points near a small denominator, 75 would
+reach another solution without continuation, and 45 with at most 8 steps."""
 
 
 def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
@@ -419,7 +419,7 @@ def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
     return x
 
 
-LARGEST_ARRAY = 2**18  # the number of coefficients that are computed at a time: arrays of two megabytes
+LARGEST_ARRAY = 2**18  # the number of coefficients computed at a time: arrays of two megabytes
 
 
 @float_kernel
@@ -440,7 +440,7 @@ class NormalFormMaps:
     """The maps for the generating function of an elimination, at many points.
 
     S and its derivatives in the actions are Fourier sums. Their coefficients are sums of monomials: numbers times
-    powers of ε and of the generators of the coefficients, which are the only formulas to be evaluated.
+    powers of ε and of the generators of the ring. Only the formulas of these generators are evaluated.
     """
 
     def __init__(self, elimination: Elimination):
@@ -477,25 +477,25 @@ class NormalFormMaps:
         self._tables = first_factor, np.array(list(chain(*factors)), int), first_monomial
         self._k = np.array(modes, float).reshape(-1, size)
         self.height = max(1, LARGEST_ARRAY // len(first_monomial))
-        """The number of points to map at a time."""
+        """The number of points mapped at a time."""
 
     def images(
         self, is_back: bool, actions: np.ndarray, angles: np.ndarray, eps: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Map rows (a, θ) to (b, φ), or back; nan where the equations cannot be solved."""
 
-        def slopes(x: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """The change of the unknown x, its matrix, and the change of the other variables."""
+        def changes(x: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """The change of the unknown x, its Jacobian, and the change of the other variables."""
             if is_back:
-                along_angles, along_actions, mixed = self._slopes(known, self._waves(x))
+                along_angles, along_actions, mixed = self._gradients(known, self._waves(x))
                 return along_actions, mixed, along_angles
-            along_angles, along_actions, mixed = self._slopes(self._coefficients(x, eps), known)
+            along_angles, along_actions, mixed = self._gradients(self._coefficients(x, eps), known)
             return along_angles, mixed.transpose(0, 2, 1), along_actions
 
         with np.errstate(all="ignore"):
             known = self._coefficients(actions, eps) if is_back else self._waves(angles)
-            x = continued(lambda x, k: slopes(x, known[k])[:2], angles if is_back else actions)
-            change = slopes(x, known)[2]
+            x = continued(lambda x, k: changes(x, known[k])[:2], angles if is_back else actions)
+            change = changes(x, known)[2]
         return (actions + change, x) if is_back else (x, angles + change)
 
     def _coefficients(self, actions: np.ndarray, eps: float) -> np.ndarray:
@@ -511,7 +511,7 @@ class NormalFormMaps:
         """e^(ik·θ) at each row."""
         return np.exp(1j * (angles @ self._k.T))
 
-    def _slopes(self, coefficients: np.ndarray, waves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _gradients(self, coefficients: np.ndarray, waves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The gradients ∇_θ S and ∇_b S and the matrices ∂²S/∂b_i∂θ_j."""
         values = coefficients * waves[:, None]
         along_angles = -np.imag(values) @ self._k

@@ -39,14 +39,14 @@ def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
 
 
 GRID = 256
-"""Number of times in a window at which a return is sought: at least half as many per period in the last window."""
+"""Number of times in a window at which a return is sought; at least half of them lie in the first period."""
 FIRST_WINDOW, MOST_DOUBLINGS = 1 / 64, 16
-"""First window, as a part of the shortest possible period, and most doublings of it."""
-STEP_DIGITS = 15  # digits of a Taylor step, which is another bound of the first window
+"""First window, as a fraction of the shortest possible period, and the largest number of doublings."""
+STEP_DIGITS = 15  # digits of a Taylor step; the first window is no longer than such a step
 CORRECTIONS, CLOSED = 7, 1e-20
-"""Newton steps from a guess of few digits to 30, and the part of the orbit's size within which it then closes."""
+"""Newton steps from a guess of few digits to 30, and the largest remaining gap, relative to the size of the orbit."""
 CERTAIN, AT_REST = 1e-15, 1e-13
-"""Largest relative error of a period, and of a field that is only rounding, a thousand units in the last place."""
+"""Largest relative errors: of a period, and of a field that is only rounding error (a thousand units of roundoff)."""
 
 
 class Orbit(NamedTuple):
@@ -83,20 +83,21 @@ class Orbit(NamedTuple):
 
 
 def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.Expr]) -> Orbit:
-    """The closed orbit of a scene of two variables through a point, followed by Taylor series.
+    """The closed orbit of a scene of two variables through a point, computed by Taylor series.
 
-    No period is shorter than 2π/L, L being the Lipschitz constant of the field, in any units of the variables (J. A.
-    Yorke, Proc. Amer. Math. Soc. 22 (1969) 509–512). The first window of time is a part of that, with L at the start in
-    the units that make it least, or a step of the Taylor series if L is much larger elsewhere on the orbit. Windows are
-    doubled until one contains a return. `periods` are those of angles, by index of the variable.
+    No period is shorter than 2π/L, where L is the Lipschitz constant of the field in any units of the variables (J. A.
+    Yorke, Proc. Amer. Math. Soc. 22 (1969) 509–512). The first window of time is a fraction of 2π/L, with L at the
+    start in the units that make it least. It is at most a step of the Taylor series, since L may be much larger
+    elsewhere on the orbit. The window is doubled until it contains a return. `periods` are those of angles, by index of
+    the variable.
     """
     start = np.array(y0)
     field, window = _first_window(scene, start)
     searched = 0.0
     with mpmath.workdps(WORKING_DIGITS):
-        lengths = {i: mpmath.mpf(str(period.evalf(WORKING_DIGITS))) for i, period in periods.items()}
+        numbers = {i: mpmath.mpf(str(period.evalf(WORKING_DIGITS))) for i, period in periods.items()}
         if not field.any():
-            return Orbit(scene, tuple(y0), mpmath.mpf(0), dict.fromkeys(lengths, 0))
+            return Orbit(scene, tuple(y0), mpmath.mpf(0), dict.fromkeys(numbers, 0))
         for _ in range(MOST_DOUBLINGS):
             times = window * np.arange(1, GRID + 1) / GRID
             try:
@@ -104,8 +105,8 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
             except IntegratorError:
                 break
             sizes = np.abs(states).max(axis=1)
-            for guess in _candidates(times, states - start[:, None], field, lengths):
-                if (found := _refined(scene, start, guess, field, lengths, sizes)) is not None:
+            for guess in _candidates(times, states - start[:, None], field, numbers):
+                if (found := _refined(scene, start, guess, field, numbers, sizes)) is not None:
                     return Orbit(scene, tuple(y0), *found)
             window, searched = 2 * window, window
     raise SeriesError(
@@ -115,46 +116,46 @@ def closed_orbit(scene: Scene, y0: Sequence[float], periods: Mapping[int, sympy.
 
 
 def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
-    """The field at the start (0 if it is rounding only), and the first window for a return."""
+    """The field at the start (0 if it is only rounding error), and the first window for a return."""
     at_start = dict(zip(scene.symbols, start.tolist(), strict=True))
     formulas = sympy.Matrix(scene.field)
-    field, slopes = (np.array(m.subs(at_start).tolist()) for m in (formulas, formulas.jacobian(scene.symbols)))
+    field, jacobian = (np.array(m.subs(at_start).tolist()) for m in (formulas, formulas.jacobian(scene.symbols)))
     try:
-        field, slopes = field.astype(float).ravel(), np.abs(slopes.astype(float))
+        field, sizes = field.astype(float).ravel(), np.abs(jacobian.astype(float))
     except TypeError:
         raise SeriesError(f"scene must have numbers for its parameters, but {scene.name} has symbols") from None
-    at_rest = (np.abs(field) <= AT_REST * slopes @ (1 + np.abs(start))).all()
+    at_rest = (np.abs(field) <= AT_REST * sizes @ (1 + np.abs(start))).all()
     # the least Frobenius norm of the Jacobian in any units of the variables
-    steepest = float(np.linalg.norm(np.sqrt(slopes) * np.sqrt(slopes.T)))
-    longest = FIRST_WINDOW * 2 * np.pi / steepest if steepest else 1.0
+    lipschitz = float(np.linalg.norm(np.sqrt(sizes) * np.sqrt(sizes.T)))
+    longest = FIRST_WINDOW * 2 * np.pi / lipschitz if lipschitz else 1.0
     return field * (not at_rest), first_step(scene, longest, y0=start, digits=STEP_DIGITS)
 
 
-def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, lengths: Mapping[int, Any]) -> Iterator[float]:
+def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, periods: Mapping[int, Any]) -> Iterator[float]:
     """Times at which the section through the start is crossed in the direction of the field."""
     reduced = away.copy()
-    for i, length in lengths.items():
-        reduced[i] -= float(length) * np.rint(away[i] / float(length))
+    for i, period in periods.items():
+        reduced[i] -= float(period) * np.rint(away[i] / float(period))
     ahead = field / abs(field).max() @ reduced
     for k in np.flatnonzero((ahead[:-1] <= 0) & (ahead[1:] > 0)):
         yield times[k] - ahead[k] * (times[k + 1] - times[k]) / (ahead[k + 1] - ahead[k])
 
 
 def _refined(
-    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, lengths: Mapping[int, Any], sizes: np.ndarray
+    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, periods: Mapping[int, Any], sizes: np.ndarray
 ) -> tuple[Any, dict[int, int]] | None:
     """The period and the revolutions, by Newton's method; None if the orbit does not close at that time.
 
-    Near a saddle rounding errors decide when a solution leaves it: solutions with different rounding do not return
-    together.
+    Near a saddle, rounding errors decide when a solution leaves it, and solutions with different rounding errors return
+    at different times.
     """
     period = mpmath.mpf(guess)
-    away, revolutions, error = _displacement(scene, start, period, lengths)
+    away, revolutions, error = _displacement(scene, start, period, periods)
     for _ in range(CORRECTIONS):
         period -= mpmath.fdot(away, field) / mpmath.fdot(field, field)
         if period <= 0:
             return None
-        away, revolutions, error = _displacement(scene, start, period, lengths)
+        away, revolutions, error = _displacement(scene, start, period, periods)
     if mpmath.fdot(error, abs(field)) > CERTAIN * period * mpmath.fdot(field, field):
         raise SeriesError(
             f"y0 must lie on a closed orbit, but from {start.tolist()!s:.60} rounding decides when it returns, as on a "
@@ -164,12 +165,12 @@ def _refined(
 
 
 def _displacement(
-    scene: Scene, start: np.ndarray, time: Any, lengths: Mapping[int, Any]
+    scene: Scene, start: np.ndarray, time: Any, periods: Mapping[int, Any]
 ) -> tuple[list[Any], dict[int, int], np.ndarray]:
-    """The displacement from the start after a time, modulo periods of angles; their numbers; and the error."""
+    """The displacement from the start after a time, modulo periods of angles; the numbers of periods; and the error."""
     solution, revolutions = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
     away = list(solution.numbers()[:, 0] - start)
-    for i, length in lengths.items():
-        revolutions[i] = int(mpmath.nint(away[i] / length))
-        away[i] -= revolutions[i] * length
+    for i, period in periods.items():
+        revolutions[i] = int(mpmath.nint(away[i] / period))
+        away[i] -= revolutions[i] * period
     return away, revolutions, solution.error[:, 0]

@@ -17,24 +17,25 @@ if TYPE_CHECKING:
 Exact: TypeAlias = "Fraction | sympy.Expr"
 
 MAX_DIGITS = 4000
-"""Below Python's limit of 4300 digits for conversion to and from text."""
+"""Largest number of digits, below Python's limit of 4300 for conversion to and from text."""
 MAX_BITS = MAX_DIGITS * 3322 // 1000
 MAX_ROOT = 100
 MAX_EXPONENT = 100
-"""Of powers of formulas, which may have to be expanded; powers of rationals are limited by their digits."""
+"""Largest exponent in a formula, since powers may have to be expanded; powers of rationals are limited by digits."""
 MAX_RADICAND_BITS = 400
 """SymPy factors radicands, which is slow beyond some hundreds of digits."""
 MAX_ARGUMENT = 10_000
 MAX_NESTING = 6
-"""Of nested powers and functions; SymPy determines signs in exponential time."""
+"""Largest nesting depth of powers and functions, since SymPy takes exponential time to determine signs."""
 MOST_DEGREE = 16
-"""Fields of algebraic numbers of higher degree take SymPy too long to build: degree 32 takes half a minute."""
+"""Largest degree of a field of algebraic numbers; SymPy takes half a minute to build one of degree 32."""
 LARGEST_ORDER = 10_000
-"""Of roots of unity; numbers of many digits are hard to factor, and φ(n) of larger ones is above 2 · `MOST_DEGREE`."""
+"""Largest order n of roots of unity whose φ(n) is computed: n with many digits are hard to factor, and for larger n
+φ(n) exceeds 2 · `MOST_DEGREE` anyway."""
 
 
 def bounded(value: Any) -> Any:
-    """The value, checked to be finite, real and of reasonable size; SymPy rationals become `Fraction`s."""
+    """The value, checked to be finite, real and of limited size; SymPy rationals become `Fraction`s."""
     if isinstance(value, Fraction):
         if _bits(value) > MAX_BITS:
             raise ArithmeticError(f"has a number of more than {MAX_DIGITS} digits")
@@ -74,17 +75,17 @@ def _nesting(value: sympy.Basic) -> int:
 
 
 def add(terms: Sequence[Any]) -> Exact:
-    """The sum of one term or more."""
+    """The sum of one or more terms."""
     return _combined(terms, operator.add, "Add")
 
 
 def multiply(factors: Sequence[Any]) -> Exact:
-    """The product of one factor or more."""
+    """The product of one or more factors."""
     return _combined(factors, operator.mul, "Mul")
 
 
 def _combined(values: Sequence[Any], operation: Callable[[Any, Any], Any], name: str) -> Exact:
-    """A sum or product, by SymPy in one operation: its form of a product depends on the grouping."""
+    """A sum or product; SymPy forms it in one operation, since its products depend on the grouping of factors."""
     total = values[0]
     for value in values[1:]:
         if not (isinstance(total, Fraction) and isinstance(value, Fraction)):
@@ -167,7 +168,7 @@ def _integer_root(value: int, degree: int) -> int | None:
 
 
 def transcendental_power(base: Any, exponent: Any) -> Exact:
-    """The power base^exponent of a positive base, for a formula as exponent."""
+    """The power base^exponent of a positive base, where the exponent is a formula."""
     import sympy
 
     if _sign(base) <= 0:
@@ -236,9 +237,9 @@ def _cosine_degree(cosines: Iterable[Any]) -> int:
 
     n = 1
     for cosine in cosines:
-        turn = cosine.args[0] / (2 * sympy.pi)
+        ratio = cosine.args[0] / (2 * sympy.pi)
         if not isinstance(cosine, sympy.sin):
-            n = lcm(n, int(turn.q))
-        if not isinstance(cosine, sympy.cos):  # a sine is the cosine of the rest to a quarter turn
-            n = lcm(n, int((sympy.Rational(1, 4) - turn).q))
+            n = lcm(n, int(ratio.q))
+        if not isinstance(cosine, sympy.cos):  # sin x = cos(π/2 − x)
+            n = lcm(n, int((sympy.Rational(1, 4) - ratio).q))
     return max(1, int(n if n > LARGEST_ORDER else sympy.totient(n)) // 2)

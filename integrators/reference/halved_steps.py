@@ -1,8 +1,8 @@
 """Solutions with error bounds from values of the field: steps of high order, halved until the solution settles.
 
-Taylor series need formulas. Values of the field suffice for the method of order 8 of Dormand and Prince, in doubles
-with compensated sums. The difference of the last two solutions bounds the error of the steps: where the field has kinks
-it shrinks slowly. That of rounding is seen from a solution whose steps and states are changed by as much.
+Taylor series need formulas. The method of order 8 of Dormand and Prince needs only values of the field. It runs in
+doubles with compensated sums. The difference of the last two solutions bounds the discretisation error, which decreases
+slowly where the field has kinks. A solution with perturbed step sizes and states shows the rounding error.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from integrators.steppers.stepping import stepper
 
 METHOD, MOST_DIGITS = "dop853", 15
 FIRST_STEPS, MOST_HALVINGS = 64, 14
-"""The number of steps of the first solution, if there are fewer times, and how often it is doubled."""
-STRETCH, NUDGE, NUDGES = 2.0**-52, 2.0**-51, 32
-"""Relative changes of the step size, and of the state at some times, that show the growth of rounding errors."""
+"""The number of steps of the first solution, which is larger if there are more times, and of its doublings."""
+STEP_CHANGE, STATE_CHANGE, MOST_CHANGES = 2.0**-52, 2.0**-51, 32
+"""Relative perturbations that show how rounding errors grow: of the step size, and of the state at that many times."""
 UNIT, SETTLED = 2.0**-53, 4.0
-"""The unit roundoff, and the difference of solutions in such units that more steps would not reduce."""
+"""The unit roundoff, and its multiple below which more steps do not reduce the difference of solutions."""
 SAFETY = 4.0
-"""Factor of the bound: differences of two solutions are estimates of their errors."""
+"""Factor of the bound, since the difference of two solutions only estimates their errors."""
 
 
 def settled_solution(
@@ -46,7 +46,7 @@ def settled_solution(
         y0: The start, a number for each variable; by default that of the scene.
         t0: The time of the start; by default the scene's variable t if it has one, else 0.
         digits: Steps are halved until the difference of two solutions is below 10^−digits of the largest value of each
-            block; up to 15. It may stay larger, as the bound tells, where rounding errors grow or the field jumps.
+            block; up to 15. Where rounding errors grow or the field jumps, it may stay larger; the bound shows this.
 
     Returns:
         The solution; its `low` is zero.
@@ -75,12 +75,12 @@ def settled_solution(
     failed: StepError | None = None
     for halving in range(MOST_HALVINGS + 1):
         try:
-            values, nudged = (_solution(*problem, halving, nudge) for nudge in (0, 1))
+            values, perturbed = (_solution(*problem, halving, is_perturbed) for is_perturbed in (False, True))
         except StepError as error:
             known, failed = None, error
             continue
         if known is not None:
-            of_steps, of_rounding = (np.maximum.accumulate(np.abs(values - x), axis=1) for x in (known, nudged))
+            of_steps, of_rounding = (np.maximum.accumulate(np.abs(values - x), axis=1) for x in (known, perturbed))
             blocks = ((b.dimension, np.abs(values[b.offset : b.end]).max()) for b in scene.blocks)
             sizes = np.concatenate([np.full(size, largest) for size, largest in blocks])[:, None]
             found = values, SAFETY * (of_steps + of_rounding + UNIT * np.abs(values))
@@ -98,19 +98,19 @@ def settled_solution(
 
 
 def _solution(
-    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], halving: int, nudge: int
+    scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], halving: int, is_perturbed: bool
 ) -> np.ndarray:
-    """The solution by whole numbers of steps between times, doubled for each halving, with or without a nudge."""
+    """The solution, with a whole number of steps between times, which each halving doubles."""
     made: Any = stepper(METHOD, scene)
     y, values = np.array(y0, dtype=float), np.empty((len(y0), len(times)))
     longest, random = abs(times[-1] - origin) / FIRST_STEPS, np.random.default_rng(1)
     for k, (before, after) in enumerate(pairwise([origin, *times])):
         if after != before:
             count = ceil(abs(after - before) / longest) << halving
-            state = made.start(y, h=(after - before) / count * (1 + nudge * STRETCH), t0=before)
+            state = made.start(y, h=(after - before) / count * (1 + is_perturbed * STEP_CHANGE), t0=before)
             made.advance(state, count)
             y = state.y
-        if k % ceil(len(times) / NUDGES) == 0:
-            y = y * (1 + nudge * NUDGE * random.choice([-1.0, 1.0], len(y)))
+        if k % ceil(len(times) / MOST_CHANGES) == 0:
+            y = y * (1 + is_perturbed * STATE_CHANGE * random.choice([-1.0, 1.0], len(y)))
         values[:, k] = y
     return values

@@ -31,6 +31,7 @@ CHUNK_NUMBERS = 2**21
 CHUNK_SECONDS = 0.15
 """Time that compiled code runs between checks for Ctrl-C, progress and checkpoints."""
 FIRST_CHUNK, MOST_GROWTH = 16, 8
+"""Number of steps in the first chunk, and the largest factor from one chunk to the next."""
 
 
 class OutputSteps(NamedTuple):
@@ -54,8 +55,9 @@ class OutputSteps(NamedTuple):
 class Run:
     """A run and its recording, which agree after every call that succeeds.
 
-    `grids` are the steps whose states are stored, and those whose states are observed. From `restart`, a copy of the
-    state, an interrupted call can be repeated; `warning` is a sentence on the first observation that was not finite.
+    `grids` are the steps whose states are stored, and those whose states are observed. `restart` is a copy of the state
+    before the present call, which can be repeated after an interruption. `warning` is a sentence on the first
+    observation that was not finite.
     """
 
     def __init__(
@@ -89,14 +91,14 @@ class Run:
                 o_every=(observed.every or 0) if len(self.observer) else 0,
                 observer=self.observer.address, o_rows=rows.get("observed"), o_times=rows.get("observed_t"),
             )  # fmt: skip
-        except StepError:  # after Ctrl-C, the state need not belong to its number
+        except StepError:  # after Ctrl-C, the state may not match its step number
             self._add(rows, self._between(before, state.n))
             raise
         self._add(rows, self._between(before, state.n))
         return steps
 
     def _between(self, before: int, n: int) -> Counts:
-        """The number of rows from the steps after `before`, up to step `n`."""
+        """The number of rows that the steps after `before` up to `n` give."""
         return Counts(*(grid.between(before, n) for grid in self._grids))
 
     def _add(self, rows: Rows, counts: Counts) -> None:
@@ -148,7 +150,7 @@ def integrate(
             functions of (t, y); a list of these, or a mapping from names to them.
         observe_every: Observe the start, every `observe_every`-th state, and the last; by default the stored states.
         progress: Called with the number of steps made and the total.
-        to: A trajectory file. Rows are written as they come, to a folder with ``.part`` added to the name, which
+        to: A trajectory file. Rows are written during the run, to a folder with ``.part`` added to the name, which
             `load_trajectory` can read meanwhile; the file appears, complete, at the end.
         checkpoint: A file. If it exists, the run resumes from it; every argument except `steps`, `progress` and
             `checkpoint_every` must then be the same. It is written during the run and on interruption, and removed at
@@ -156,7 +158,7 @@ def integrate(
         checkpoint_every: Seconds between checkpoints.
 
     Returns:
-        The trajectory; if it is large and in a file, mapped into memory.
+        The trajectory; a large one in a file is mapped into memory.
 
     Raises:
         StepError: A step failed. Its `trajectory` holds everything stored, up to the last good state; so does the file.

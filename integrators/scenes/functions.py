@@ -30,10 +30,10 @@ def scene_from_function(
     The function is called once with symbols in place of numbers; what it returns becomes the formulas of the scene. It
     may use arithmetic, NumPy's elementary functions, roots, sums, dot products and norms, ``np.abs``, ``np.sign``,
     ``np.minimum``, ``np.maximum``, ``np.where`` with inequalities, ``scipy.special.erf``, loops and indices; it must
-    not look at values. `y` is an array. Arguments with numbers as defaults become parameters of the scene. Floats are
-    the decimals that they print as.
+    not look at values. `y` is an array. Arguments with numbers as defaults become parameters of the scene. Floats stand
+    for the decimals that they print as.
 
-    A right-hand side that does not run on symbols, as it branches, iterates or looks into a table, is compiled by
+    A right-hand side that does not run on symbols, because it branches, iterates or reads a table, is compiled by
     numba. Its scene can be integrated by every method that needs values of the field only, and measured; it has no
     modified equation, and nothing else that needs derivatives. The summary of the scene says so. Numba freezes the
     values of closures and global names, and does not check indices. Two such scenes are equal if their functions are
@@ -86,7 +86,7 @@ def scene_from_function(
         arguments = {p.name: value for p, value in zip(signature, names, strict=False)}
         parameters = _parameters(signature[2:])
         value = _called(_Call(function, arguments, parameters, ()))
-        value = value.item() if getattr(value, "size", 0) == 1 else value  # of p**2/2, where p is an array of one
+        value = value.item() if getattr(value, "size", 0) == 1 else value  # p**2/2 is an array if p is one
         formulas: dict[str, Any] = {"hamiltonian": _formula(value, "function")}
     else:
         field: dict[str, sympy.Expr] = {}
@@ -137,7 +137,7 @@ def _check_options(function: Any, hamiltonian: bool, compiled: Any, jacobian: An
 
 
 class _Call(NamedTuple):
-    """A call of a function: its arguments as blocks of the state, or None for the time, and its values' names."""
+    """A call of a function: its arguments as blocks of the state, or None for the time, and the names of its values."""
 
     function: Any
     arguments: Mapping[str, Sequence[str] | None]
@@ -146,12 +146,12 @@ class _Call(NamedTuple):
 
     @property
     def plain(self) -> Any:
-        """The function in Python, where numba has compiled it."""
+        """The Python function, even if numba has compiled it."""
         return getattr(self.function, "py_func", self.function)
 
 
 def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
-    """The calls that make the field."""
+    """The calls whose values make up the field."""
     if not isinstance(function, Mapping):
         signature = _signature(function)
         count = required(signature)
@@ -193,7 +193,7 @@ def _parameters(signature: Sequence[Parameter]) -> dict[str, Any]:
 
 
 def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: list[str]) -> dict[str, sympy.Expr]:
-    """The formulas of a right-hand side; `reasons` tell why one is a compiled function."""
+    """The formulas of a right-hand side. If it is compiled instead, the reason is appended to `reasons`."""
     refused = ""
     if compiled is not True:
         try:
@@ -250,7 +250,7 @@ def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
         box_arguments.append(BoxArgument("", len(names or ())))
         if names is not None:
             symbols += map(sympy.Symbol, names)
-        else:  # a time that is not read must not become a variable
+        else:  # a time that the function does not read must not become a variable
             symbols.append(sympy.Symbol(TIME) if _reads(call.plain, name) else sympy.Integer(0))
     box_arguments += [BoxArgument(key, 0) for key in call.parameters]
     symbols += map(sympy.Symbol, call.parameters)
@@ -284,7 +284,7 @@ METHODS = {
 
 
 def exact_number(value: Any) -> Any:
-    """A number as Python's exact one, a float as the decimal that it prints as; None for what is no number."""
+    """A number as a Fraction, a float as the decimal that it prints as; None for anything else."""
     if hasattr(value, "item") and getattr(value, "shape", None) == ():
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
@@ -296,7 +296,7 @@ def exact_number(value: Any) -> Any:
 
 
 def operand(value: Any) -> Any:
-    """A formula, or a number as one; None for something else."""
+    """A formula or a number as a SymPy expression; None for anything else."""
     if isinstance(value, np.ndarray) and value.shape == ():
         value = value.item()
     if isinstance(value, Formula):
@@ -308,7 +308,7 @@ def operand(value: Any) -> Any:
 
 
 def traced(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of SymPy expressions as one of formulas and numbers."""
+    """A function of SymPy expressions as a function of formulas and numbers."""
 
     def apply(*values: Any) -> Formula:
         found = [operand(value) for value in values]
@@ -320,7 +320,7 @@ def traced(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Condition:
-    """An inequality, which `np.where` chooses by."""
+    """An inequality, by which `np.where` chooses."""
 
     def __init__(self, choose: Callable[[Any, Any], Any]):
         self.choose = choose
@@ -380,7 +380,7 @@ ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "greater_equal": _compared(">="),
     "less_equal": _compared("<="),
 }
-"""Functions of NumPy and SciPy that have no method on objects, or would look at truth values."""
+"""Functions of NumPy and SciPy that call no method of objects, or would look at truth values."""
 REDUCED = {"maximum", "minimum", "fmax", "fmin"}
 
 
@@ -399,7 +399,7 @@ def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, An
 
 
 def _is_default(option: tuple[str, Any]) -> bool:
-    """Whether an option of a reduction, other than its axis, is as if it had not been given."""
+    """Whether an option of a reduction has its default value, or is the axis."""
     name, value = option
     return (
         name == "axis"
@@ -410,7 +410,7 @@ def _is_default(option: tuple[str, Any]) -> bool:
 
 
 def _extremes(name: str, values: Any, axis: Any) -> Any:
-    """The least or the largest entries along an axis, or of all for None."""
+    """The least or the largest entries along an axis, or of the whole array if the axis is None."""
     array = np.asarray(values, dtype=object)
     rows = array.reshape(-1) if axis is None else np.moveaxis(array, axis, -1)
     found = np.empty(rows.shape[:-1], dtype=object)
@@ -432,7 +432,7 @@ class FormulaArray(np.ndarray):
 
 
 class Formula:
-    """A number that the function computes, as a SymPy expression; NumPy calls its methods."""
+    """An intermediate value of the function, as a SymPy expression; NumPy calls its methods."""
 
     __slots__ = ("expression",)
 
@@ -466,7 +466,7 @@ class Formula:
         return Formula(Absolute(self.expression))
 
     def conjugate(self) -> Formula:
-        """The formula itself, which is real."""
+        """The formula itself: formulas are real."""
         return self
 
     def __getattr__(self, name: str) -> Callable[[], Formula]:

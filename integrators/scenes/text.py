@@ -28,7 +28,7 @@ from integrators.scenes.scene import Scene
 
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
 _CANONICAL = re.compile(
-    rf"(?P<block>{'|'.join(sorted(MOMENTA | POSITIONS))})(?P<ending>(?P<axis>[xyz]?)(?P<site>[0-9]*)|_\w+)"
+    rf"(?P<block>{'|'.join(sorted(MOMENTA | POSITIONS))})(?P<ending>(?P<axis>[xyz]?)(?P<number>[0-9]*)|_\w+)"
 )
 """A momentum or position in a Hamiltonian: p, p1, px, px1, p_a, v, v1, …"""
 
@@ -41,9 +41,9 @@ def parse_scene(
 
     Args:
         text: Equations such as ``p' = -sin(q)`` or ``dp/dt = -sin(q)``, one per line or separated by ``;``.
-        blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. By default variables that begin with p
-            and q form the blocks p and q if there are no others; otherwise all variables are one block. The variables
-            of a block have the order of their equations.
+        blocks: The blocks of variables, as ``"p=x,u; q=y"`` or as a mapping. By default, if all names begin with
+            p or q, they form the blocks p and q; otherwise all variables form one block. The variables of a block have
+            the order of their equations.
         parameters: Values of parameters, as ``"mu=1/2; m=2"`` or as a mapping.
         start: Start values of variables or of blocks, as ``"p=0; q=-3/2"`` or as a mapping.
 
@@ -76,8 +76,8 @@ def parse_hamiltonian(
     Args:
         text: The formula, as ``p^2/2 - cos(q)``.
         blocks: The momenta and positions, as ``"p=x,u; q=y,v"`` or as a mapping. By default these are the names p, q
-            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added. Or
-            they are another pair that tells momenta from positions, such as v and x, or v1, v2, x1 and x2.
+            with numbers or axes (``p1``, ``px``, ``px1``) or with ``_`` (``p_a``); the conjugate of each is added.
+            Other usual pairs of names, such as v and x, or v1, v2, x1 and x2, must be complete.
         parameters, start, name: As for `parse_scene`.
 
     Raises:
@@ -161,10 +161,10 @@ def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
     """Momenta and positions in pairs, sorted by number and axis."""
     endings: dict[str, set[tuple[int, str, str]]] = {}
     for match in filter(None, map(_CANONICAL.fullmatch, names)):
-        ending = int(match["site"] or 0), match["axis"] or "", match["ending"]
+        ending = int(match["number"] or 0), match["axis"] or "", match["ending"]
         endings.setdefault(match["block"], set()).add(ending)
     pair = canonical_names(endings)
-    if pair is None or endings[pair[0]] != endings[pair[1]]:  # only p and q have conjugates that the text leaves out
+    if pair is None or endings[pair[0]] != endings[pair[1]]:  # only conjugates of p and q may be missing in the text
         pair = ("p", "q")
     found = sorted(set().union(*(endings.get(block, ()) for block in pair)))
     if not found:

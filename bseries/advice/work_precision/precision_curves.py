@@ -40,20 +40,20 @@ if TYPE_CHECKING:
     from matplotlib.legend import Legend
 
 BUDGET = 0.2
-"""CPU seconds for the longest run of a method: a dozen methods take five seconds, since all runs of a method take about
-twice as long as the longest."""
+"""CPU seconds for the longest run of a method. All runs of a method take about twice as long as the longest, and those
+of a dozen methods five seconds."""
 TRIAL_STEP = 1e-9
 """Step size for compilation, small enough for all methods."""
 LOOSEST, FINEST = 1.0, 1e-15
-"""Bounds of relative errors of interest: no correct digit, and all digits of doubles."""
+"""Bounds on the errors of interest, which are relative: no correct digit, and all digits of doubles."""
 SPAN = 200.0
 """Default length of runs, as a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
 FINE = 100
 """Steps per time scale that the budget allows over the longest span: enough for about six digits with a method of order
 4."""
 SHORTER, TRIALS = 2.2, 8
-"""Factor by which the default span is shortened while there is no reference solution, from one of 1, 2, 5, 10, … to the
-next; and the most trials."""
+"""Factor by which the default span is shortened while there is no reference solution, which leads from one of 1, 2, 5,
+10, … to the next; and the largest number of trials."""
 
 
 class WorkPrecision:
@@ -118,8 +118,8 @@ class WorkPrecision:
         """The cheapest method for an error, and the largest step that meets it.
 
         The step is interpolated from the rows and refined by bisection: within a few per cent it is the largest one
-        that meets the error together with all smaller steps tried. All methods near the cheapest are treated alike and
-        timed again in interleaved rounds.
+        that meets the error together with all smaller steps tried. The same is done for methods of nearly the
+        same cost, and all of these are timed again in interleaved rounds.
 
         Args:
             error: The error tolerance.
@@ -240,18 +240,18 @@ def work_precision(
             ``"all"`` for all of the catalogue that fit, which takes minutes.
         scene: The scene, with a start, or the name of a built-in one.
         span: The length of runs; by default about two hundred times |y|/|f| at the start, or less if there is no
-            reference solution over that.
+            reference solution over that length.
         errors: The largest and the smallest error of interest.
         measure: ``"solution"`` (against the reference), ``"energy"``, or ``"all"`` for both.
         budget: CPU seconds for the longest run of a method.
-        progress: Called with the number of parts of the work that are done and of all.
+        progress: Called with the number of finished parts of the work and that of all parts.
 
     Returns:
         The measurements; `WorkPrecision.best` recommends a method.
 
     Raises:
-        IntegratorError: An argument cannot be used, as a span for which the budget is too short; no method fits, or
-            none of the errors can be measured over the span.
+        IntegratorError: An argument cannot be used, such as a span for which the budget is too short; no method fits;
+            or none of the errors can be measured over the span.
 
     Example:
         >>> import bseries as bs
@@ -266,7 +266,7 @@ def work_precision(
         work and precision).
     """
     scene = as_scene(scene)
-    _ = scene.y0  # refuses a scene without a start before anything is compiled
+    _ = scene.y0  # refuses a scene without a start before compilation
     loosest, finest = check_errors(errors)
     limit = read_positive(budget, "budget")
     check_progress(progress)
@@ -403,4 +403,4 @@ def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float]
     legend.set_title("strong: cheapest\nfor some error")
     legend.get_title().set_fontsize(NAME_SIZE)
     for line in legend.get_lines():
-        line.set_linestyle("none")  # beside a panel, lines would look like curves that go on
+        line.set_linestyle("none")  # beside a panel, lines would look like continued curves

@@ -1,9 +1,9 @@
 """Criteria of stability: linear stability from the stability function, contractivity from the tableau.
 
-All answers are exact for exact methods: signs of polynomials are decided by their isolated roots. For decimals and
-floats, quantities that are zero within their digits count as zero. Answers are None where they depend on symbols or on
-roots of too high a degree. The argument `method` is a Runge–Kutta method or its name, in most functions also its
-stability function R = P/Q; others are refused by an `IntegratorError`.
+All answers are exact for exact methods, since signs of polynomials are decided by their isolated roots. For decimals
+and floats, quantities that are zero within their digits count as zero. Answers are None if they depend on symbols, or
+on roots of too high a degree. The argument `method` is a Runge–Kutta method or its name; most functions also accept its
+stability function R = P/Q. Other methods are refused by an `IntegratorError`.
 
 References:
     Hairer, Wanner, *Solving Ordinary Differential Equations II*, chapter IV.
@@ -55,7 +55,7 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
         (1 + z/3)/(1 - 2*z/3 + z^2/6)
     """
     method = checked_method(method)
-    rows, weights, vector = _reached(*field.stage_matrix(method))
+    rows, weights, vector = _needed_stages(*field.stage_matrix(method))
     explicit = not any(any(row[i:]) for i, row in enumerate(rows))
     if method.precision and not explicit and method.stages > MOST_INEXACT_STAGES:
         raise IntegratorError(
@@ -72,8 +72,8 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
 
 
-def _reached(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]:
-    """The stages that the weights depend on; others add common factors to P and Q that floats cannot cancel."""
+def _needed_stages(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]:
+    """The stages on which the result depends; others add common factors to P and Q, which floats cannot cancel."""
     found = [i for i, weight in enumerate(weights) if weight]
     for i in found:  # the list grows during the loop
         found.extend(j for j, entry in enumerate(rows[i]) if entry and j not in found)
@@ -181,7 +181,7 @@ def real_stability_interval(method: MethodOrFunction) -> float | None:
 def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
     """Half length of the imaginary stability interval: the largest y with |R| ≤ 1 on [−iy, iy]; None if undecided.
 
-    It is 0.0 where |R(iy)| > 1 for all small y.
+    It is 0.0 if |R(iy)| > 1 for all small y > 0.
 
     Example:
         >>> imaginary_stability_interval("rk4"), imaginary_stability_interval("heun2")
@@ -194,8 +194,8 @@ def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
 def stability_angle(method: MethodOrFunction) -> float | None:
     """The largest α for which the method is A(α)-stable: |R(z)| ≤ 1 for |arg(−z)| ≤ α.
 
-    It is in degrees within 10^-7, 90.0 for A-stable methods, 0.0 if no sector is stable, or None. It is bisected, and
-    each ray is decided exactly: the tangent of half its angle is rational.
+    It is in degrees, within 10^-7: 90.0 for A-stable methods, 0.0 if no sector is stable, None if undecided. It is
+    found by bisection. Each ray is decided exactly, since the tangent of half its angle is rational.
 
     Example:
         >>> round(stability_angle(StabilityFunction([1], [1, -1, "1/2", "-1/6"])), 2)
@@ -239,7 +239,7 @@ def _is_stable_ray(R: StabilityFunction, tangent: Fraction) -> bool:
 def linear_order(method: MethodOrFunction) -> int:
     """Order for linear systems with constant coefficients: the largest p with R(z) = exp(z) + O(z^(p+1)).
 
-    As those of dispersion and dissipation, it holds for every value of symbols.
+    Like the orders of dispersion and dissipation, it holds for all values of the symbols.
 
     Example:
         >>> linear_order("gauss3"), linear_order("heun3")
@@ -368,7 +368,7 @@ def ssp_coefficient(method: RungeKutta | str) -> Fraction | float | None:
 
     Returns:
         A `Fraction` where the coefficient is recognised as rational (and verified), else the nearest float; 0 if no
-        step preserves them, ``inf`` if every step does; None where it depends on symbols or on roots of too high a
+        step preserves the bounds, ``inf`` if every step does; None if it depends on symbols or on roots of too high a
         degree.
 
     Example:
@@ -418,7 +418,7 @@ def _first(conditions: Iterable[Coefficients], *, exact: bool) -> Fraction | flo
     """The smallest r > 0 at which one of the polynomials becomes negative, ``inf`` if there is none."""
     found = {tuple(map(field.upper, p)) for p in conditions}
     least = min(map(field.first_crossing, found), default=math.inf)
-    # The smallest float may be that of an irrational root next to a rational one of another condition.
+    # The smallest value may be the float of an irrational root, close to a rational root of another condition.
     if exact and isinstance(least, Fraction) and all(field.sign(evaluate(p, least)) >= 0 for p in found):
         return least
     return field.nearest_float(least) if isinstance(least, Fraction) else least
@@ -431,7 +431,7 @@ def linear_ssp_coefficient(method: MethodOrFunction) -> Fraction | float | None:
     −r ≤ x ≤ 0. For polynomials the condition at x = −r is sufficient.
 
     Returns:
-        As `ssp_coefficient`; None also where R is no polynomial, since it then has infinitely many derivatives.
+        As for `ssp_coefficient`; None also if R is not a polynomial, since it then has infinitely many derivatives.
 
     Example:
         >>> [str(linear_ssp_coefficient(name)) for name in ("rk4", "ssprk33", "ssprk104")]

@@ -96,7 +96,7 @@ def takes_scene(
 
 
 def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene | str:
-    """The scene of a file or of equations, without changes; or the name of a built-in one."""
+    """The scene of a file or of equations, without changes; or the name of a built-in scene."""
     from integrators import parse_hamiltonian, parse_scene
 
     if way == "--scene":
@@ -127,7 +127,7 @@ def _read_values(parameters: Iterable[str]) -> dict[str, Any]:
 
 
 def read_scene(source: str) -> Scene | str:
-    """The scene of a file or of standard input, or the name of a built-in one."""
+    """The scene of a file or of standard input, or the name of a built-in scene."""
     if not is_file(source, SUFFIXES):
         return source
     from integrators import load_scene
@@ -151,7 +151,7 @@ def takes_start(verb: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def takes_parts(verb: Callable[..., Any], *, check: bool = True) -> Callable[..., Any]:
-    """Add the option --parts to a verb: blocks or parts of a scene by the part of the method, if not by its names."""
+    """Add the option --parts to a verb: the blocks or parts of a scene for each part of the method."""
 
     @click.option(
         "--parts", metavar="TEXT", help='Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
@@ -169,7 +169,7 @@ def takes_parts(verb: Callable[..., Any], *, check: bool = True) -> Callable[...
 
 
 def _check_parts(text: str | None, method: Method, scene: Scene) -> None:
-    """Refuse parts of a method that has none, and to do without them where names do not tell them."""
+    """Refuse --parts for a method without parts, and its absence if names do not determine the parts."""
     from integrators.scenes.particles.parts import default_pieces
 
     if text is not None and len(method.names) == 1:
@@ -179,7 +179,7 @@ def _check_parts(text: str | None, method: Method, scene: Scene) -> None:
 
 
 def _refuse_parts(method: Method, scene: Scene) -> NoReturn:
-    """Refuse, with the option that assigns the parts of a method."""
+    """Raise an error that shows the option by which the parts of a method are assigned."""
     from integrators.scenes.scene import UNNAMED
 
     blocks = [block.name for block in scene.blocks]

@@ -126,7 +126,7 @@ class LieAlgebra:
         return found
 
 
-lie_algebra = lru_cache(maxsize=8)(LieAlgebra)  # the Lie algebra on a table of trees, kept in memory
+lie_algebra = lru_cache(maxsize=8)(LieAlgebra)  # the Lie algebra on a table of trees, cached
 
 
 def _listing_order(word: Word) -> tuple[Word, Word]:

@@ -1,7 +1,7 @@
 """Modified Hamiltonians of splitting methods on scenes, by exact evaluation of nested Poisson brackets.
 
 For any Poisson structure B(y) the bracket {A,X} = ∇Aᵀ B ∇X is the derivative of X along −B∇A, the reversed field of A.
-So only the fields of the parts are needed.
+Thus only the fields of the parts are needed.
 """
 
 from __future__ import annotations

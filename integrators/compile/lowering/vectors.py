@@ -1,8 +1,8 @@
 """Vectorisation of loops over entries of arrays.
 
-LLVM unrolls short loops before it vectorises, and then seldom finds vectors. In generated functions arrays with
-different names do not overlap, so that independence is known here. Scattered or indexed entries become permutations of
-vectors if the arrays stay in registers.
+LLVM unrolls short loops before it vectorises, and then seldom finds vectors. In generated functions, arrays with
+different names do not overlap, so that entries of different arrays are known to be independent. Scattered or indexed
+entries become permutations of vectors if the arrays stay in registers.
 """
 
 # ruff: noqa: D102 (visit_X is documented by the class X in `ast`)
@@ -23,16 +23,17 @@ from integrators.compile.lowering.expressions import OPERATORS, WHOLE, Expressio
 
 WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 ALIGNMENT = 8
-"""Bytes; a vector may begin at any double."""
+"""Alignment of vectors in bytes: a vector may begin at any double."""
 OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 FUNCTIONS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "fma": "llvm.fma"}
 FEWEST, MOST = 8, 64
 """Lengths of loops vectorised here; LLVM unrolls shorter ones and vectorises longer ones."""
 FEWEST_PERMUTED = 4
-"""Least length with scattered or indexed entries."""
+"""Least length of loops with scattered or indexed entries."""
 LONG = 80
 """Instructions per vector beyond which vectors are computed in a loop, whatever their number."""
 LEAST = -(2**63)
+"""The least integer of 64 bits, from which maxima start."""
 
 
 class UnsuitedError(Exception):
@@ -112,7 +113,7 @@ class VectorLoop(ast.NodeVisitor):
     def visit_Name(self, node: ast.Name) -> Any:
         if node.id in self.vectors:
             return self.vectors[node.id]
-        if node.id in self.names or node.id == self.counter:  # the former carries a dependence
+        if node.id in self.names or node.id == self.counter:  # a variable assigned later carries a dependence
             raise UnsuitedError
         value = self.scalars.visit(node)
         if value.type != types.float64:
@@ -138,7 +139,7 @@ class VectorLoop(ast.NodeVisitor):
         return values
 
     def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int], bool]:
-        """Record accesses to an array; returns its pointer, the indices, and whether they are scattered or indexed."""
+        """Record accesses to an array; return its pointer, the indices, and whether they are scattered or indexed."""
         if not isinstance(node.value, ast.Name):
             raise UnsuitedError
         array = self.scalars.visit(node.value)
@@ -176,7 +177,7 @@ class VectorLoop(ast.NodeVisitor):
         raise UnsuitedError
 
     def _constants(self, node: ast.expr, kind: str) -> np.ndarray | None:
-        """The constant array of doubles (f) or integers (i) with a name; None if there is none."""
+        """The constant array of doubles (f) or integers (i) that a name denotes; None for other names."""
         if not isinstance(node, ast.Name) or node.id in self.scalars.local:
             return None
         found = self.scalars.names.get(node.id)
