@@ -4,9 +4,9 @@ import random
 import shutil
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any
 
 import pytest
+from chromium import Browser
 
 import trees.table
 from bseries import BSeries
@@ -40,14 +40,12 @@ def random_series():
     return make
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium, driven by Playwright, which keeps an event loop running as long."""
-    playwright = pytest.importorskip("playwright.sync_api")
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory) -> Iterator[Browser]:
+    """Chromium without a window."""
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
         pytest.skip("there is no browser")
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield started
-        started.close()
+    started = Browser(program, tmp_path_factory.mktemp("browser"))
+    yield started
+    started.close()
