@@ -4,9 +4,9 @@ import random
 import shutil
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import pytest
-from chromium import Browser
 
 import trees.table
 from bseries import BSeries
@@ -40,12 +40,15 @@ def random_series():
     return make
 
 
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory) -> Iterator[Browser]:
-    """Chromium without a window."""
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, driven by Playwright, which keeps an event loop running as long."""
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
-        pytest.skip("there is no browser")
-    started = Browser(program, tmp_path_factory.mktemp("browser"))
-    yield started
-    started.close()
+        pytest.skip("there is no Chromium")
+    from playwright.sync_api import sync_playwright  # a quarter of a second, for few tests
+
+    with sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=program)
+        yield started
+        started.close()
