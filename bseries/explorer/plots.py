@@ -110,6 +110,7 @@ def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float
     sentence = models.Div(text="", disable_math=True, sizing_mode="stretch_width")
     figures = dict(_figures(scene, sources))
     for picture in figures.values():
+        _legend_of_copies(picture)
         _legend_above(picture)
     return ScenePlots(fill, news, figures, h, scale, terms, sweep, sentence)
 
@@ -202,6 +203,18 @@ def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, 
 
 def _style(name: str) -> dict[str, Any]:
     return {"line_color": COLOURS[name], "line_dash": DASHES[name]}
+
+
+def _legend_of_copies(picture: Any) -> None:
+    """Let the legend show copies of lines and patches whose data never change.
+
+    Bokeh builds a legend anew for each source whose data change, and shows nothing for a source without a point.
+    """
+    for legend in picture.legend:
+        for item in legend.items:
+            (shown,) = item.renderers
+            nowhere = type(shown.data_source)({key: [float("nan")] for key in shown.data_source.data})
+            item.renderers = [picture.add_glyph(nowhere, shown.glyph, name="legend")]
 
 
 def _legend_above(picture: Any) -> None:

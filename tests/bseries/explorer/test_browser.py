@@ -13,7 +13,7 @@ PICTURES = ["orbit", "error", "energy", "patch", "area", "orbits"]
 MODEL = "Bokeh.documents[0].get_model_by_name"
 CURVE = f"{MODEL}('orbit').renderers[0].data_source.data.x"
 DRAWN = f"""names => window.Bokeh && Bokeh.documents.length && {MODEL}('orbits') &&
-    names.every(name => {MODEL}(name).renderers.every(r => r.data_source.get_length() > 5))"""
+    names.every(name => {MODEL}(name).renderers.every(r => r.name === 'legend' || r.data_source.get_length() > 5))"""
 FOCUS = """() => {
     let e = document.activeElement
     while (e?.shadowRoot?.activeElement) e = e.shadowRoot.activeElement
