@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from foundation.machine_code import njit
-from integrators import integrate, method, stepper
-from integrators.methods.programs.program import Method
-from integrators.scenes.scene import Scene
+from integrators import method
 from integrators.steppers.states import StepError
+
+if TYPE_CHECKING:
+    from integrators.steppers.stepping import Stepper
 
 FLOW = "dop853"
 """The method for exact and modified flows."""
@@ -30,42 +32,33 @@ def quiet() -> Iterator[None]:
         yield
 
 
-def orbit(
-    method: Method, scene: Scene, y0: np.ndarray, h: float, steps: int, every: int = 1
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times and states of a run, up to a failure or a state that is too far to be drawn.
+def orbit(stepper: Stepper, y0: Any, h: float, steps: int, every: int = 1) -> np.ndarray:
+    """The start and each `every`-th state of a run, (states, variables).
+
+    They are not numbers after a failure, or after a state that is too far to be drawn.
 
     Example:
-        >>> from integrators import method, scene
-        >>> t, y = orbit(method("explicit-euler"), scene("riccati"), [1.0], 0.5, 20)
-        >>> y.shape[1] < 20, bool(y.max() < FAR)
-        (True, True)
+        >>> from integrators import method, scene, stepper
+        >>> y = orbit(stepper(method("explicit-euler"), scene("riccati")), [1.0], 0.5, 20)
+        >>> len(y), bool(np.nanmax(y) < FAR), bool(np.isnan(y[-1]).all())
+        (21, True, True)
     """
-    with quiet():
-        try:
-            run = integrate(method, scene, h=h, steps=steps, y0=y0, save_every=every)
-        except StepError as error:
-            run = error.trajectory
-        near = np.logical_and.accumulate((abs(run.y) < FAR).all(axis=0))
-    return run.t[near], run.y[:, near].copy()
+    states = np.full((steps // every + 1, stepper.scene.dimension), np.nan)
+    states[0] = y0
+    with quiet(), suppress(StepError):
+        stepper.record(stepper.start(y0, h=h), steps, y_every=every, y_rows=states[1:])
+    states[~np.logical_and.accumulate((abs(states) < FAR).all(axis=1))] = np.nan
+    return states
 
 
-def by_steps(method: Method | str, scene: Scene, points: np.ndarray, h: float, counts: Sequence[int]) -> np.ndarray:
+def by_steps(stepper: Stepper, points: np.ndarray, h: float, counts: Sequence[int]) -> np.ndarray:
     """Points (variables, points) moved by steps of a method: (times, variables, points), not numbers after a failure.
 
     The first of the times is that of the starts; `counts` are the steps between them.
     """
-    steps, moved = stepper(method, scene), np.full((len(counts) + 1, *points.shape), np.nan)
-    moved[0] = points
-    for k, point in enumerate(points.T):
-        state = steps.start(point, h=h)
-        try:
-            for j, count in enumerate(counts, 1):
-                steps.advance(state, count)
-                moved[j, :, k] = state.y
-        except StepError:
-            continue
-    return np.where(abs(moved) < FAR, moved, np.nan)
+    every = math.gcd(*counts)
+    places = np.cumsum([0, *counts]) // every
+    return np.stack([orbit(stepper, point, h, sum(counts), every)[places] for point in points.T], axis=2)
 
 
 def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, times: Any, longest: float) -> Any:
@@ -81,19 +74,25 @@ def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, t
         >>> moved[1].round(9).ravel().tolist()
         [-1.0, 0.0]
     """
-    tableau: Any = method(FLOW)
-    A, b = (np.array(entries, float) for entries in (tableau.to_float().A, tableau.to_float().b))
     moved = np.full((len(times), *points.T.shape), np.nan)
     moved[0] = points.T
     parts = np.maximum(1, np.ceil(np.diff(times) / longest - 1e-9)).astype(int)
     steps = np.diff(times) / parts
-    evaluator = getattr(field, "evaluator", None)
+    formulas = getattr(getattr(field, "evaluator", None), "formulas", None)
     with quiet():
-        if evaluator is not None and evaluator.route == "symbolic":
-            _compiled_steps()(evaluator.formulas.module.many, h, moved, parts, steps, A, b)
+        if formulas is not None:
+            _compiled_steps()(formulas.module.many, h, moved, parts, steps, *_tableau())
         else:
-            _steps(field, h, moved, parts, steps, A, b)
+            _steps(field, h, moved, parts, steps, *_tableau())
     return np.where(abs(moved) < FAR, moved, np.nan).swapaxes(1, 2)
+
+
+@cache
+def _tableau() -> tuple[np.ndarray, np.ndarray]:
+    """The matrix and the weights of the method for flows."""
+    tableau: Any = method(FLOW)
+    tableau = tableau.to_float()
+    return np.array(tableau.A, float), np.array(tableau.b, float)
 
 
 def _steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
@@ -121,21 +120,27 @@ def _compiled_steps() -> Any:
 
     @njit(types.void(field, types.float64, cube, counts, numbers, rows, numbers), error_model="numpy")
     def compiled_steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
-        y, stage = moved[0].copy(), np.empty_like(moved[0])
-        slopes = np.empty((len(b), *y.shape))
+        stage, slopes = np.empty(moved.shape[1:]), np.empty((len(b), *moved.shape[1:]))
+        path, y_stage, flat = moved.reshape(len(moved), stage.size), stage.ravel(), slopes.reshape(len(b), stage.size)
+        y = path[0].copy()
         for j in range(len(steps)):
             for _ in range(parts[j]):
                 for i in range(len(b)):
-                    stage[:] = y
-                    for k in range(i):
-                        if A[i, k] != 0:
-                            stage += (steps[j] * A[i, k]) * slopes[k]
+                    for n in range(y.size):  # loops, which numba compiles six times faster than sums of arrays
+                        slope = 0.0
+                        for k in range(i):
+                            slope += A[i, k] * flat[k, n]
+                        y_stage[n] = y[n] + steps[j] * slope
                     field(stage, h, slopes[i])
-                for i in range(len(b)):
-                    y += (steps[j] * b[i]) * slopes[i]
-            if not (np.abs(y) < FAR).any():
+                for n in range(y.size):
+                    for i in range(len(b)):
+                        y[n] += steps[j] * b[i] * flat[i, n]
+            is_near = False
+            for n in range(y.size):
+                path[j + 1, n] = y[n]
+                is_near = is_near or abs(y[n]) < FAR
+            if not is_near:
                 return
-            moved[j + 1] = y
 
     return compiled_steps
 

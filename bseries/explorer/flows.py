@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,6 +121,9 @@ SCALES = (0.2, 1.6)
 """Starts are the scene's, times a factor in between."""
 PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
 """Times at which the patch is drawn after the start, points on its boundary, its radius relative to q and p."""
+LENGTHS = {"curve": SAMPLES + 1, "patch": (PATCHES + 1) * (CIRCLE + 2), "area": PATCHES + 1}
+NOTHING: View = {part: defaultdict(partial(np.full, length, np.nan)) for part, length in LENGTHS.items()}
+"""Instead of a flow that does not exist."""
 ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
 NEAR = 4.0
 """Points of orbits that escape are drawn up to this many times the start."""
@@ -138,6 +142,7 @@ class SceneShape(NamedTuple):
     patch_axes: tuple[str, str] | None  # those of patches; None without patches
     orbit_axes: tuple[str, str]  # those of many orbits
     section: str | None  # the variable that is zero where many orbits are shown; None if they are shown everywhere
+    lengths: dict[str, int]  # of the columns of `curve`, `patch`, `area` and `orbits`, whatever the step size
     area: str  # what areas are; empty if they have no meaning
 
 
@@ -167,7 +172,7 @@ class SceneFlows:
 
     def __init__(self, method: Method, scene: Scene, span: float = SPAN):
         self.method, self.scene, self.span = method, scene, span
-        stepper(method, scene)  # refuses symbols, and methods that do not fit
+        self._stepper = stepper(method, scene)  # refuses symbols, and methods that do not fit
         self.plane = plane_of(scene)
         self.terms = TERMS if scene.dimension <= FEW_VARIABLES else TERMS_OF_MANY
         with quiet():
@@ -206,6 +211,7 @@ class SceneFlows:
             patch_axes=None if conjugate is None else (names[conjugate[0]], names[conjugate[1]]),
             orbit_axes=axes if section is None else (names[section[1]], names[section[2]]),
             section=None if section is None else names[section[0]],
+            lengths={**LENGTHS, "orbits": ORBITS * self._orbit_sizes[1]},
             area=poisson if pairs else "",
         )
 
@@ -214,7 +220,7 @@ class SceneFlows:
         t, states = self._states(h, scale)
         every, times = self._grid(h)[0], self._patch_times(h)
         counts = [every * count for count in self._samples(h)]
-        view = self._patch(by_steps(self.method, self.scene, self._circle(scale), h, counts), times)
+        view = self._patch(by_steps(self._stepper, self._circle(scale), h, counts), times)
         return {"curve": {**self._curve(t, states), "energy": self._energy_change(1, 0.0, states)}, **view}
 
     def exact(self, h: float, scale: float) -> View:
@@ -229,7 +235,7 @@ class SceneFlows:
         length = h * self._grid(h)[0]
         parts = max(1, math.ceil(length / longest - 1e-9))
         counts = [parts * count for count in self._samples(h)]
-        moved = by_steps(FLOW, self.scene, self._circle(scale), length / parts, counts)
+        moved = by_steps(self._flow_stepper, self._circle(scale), length / parts, counts)
         return {"curve": self._compared(t, padded(exact, len(t)), states), **self._patch(moved, self._patch_times(h))}
 
     def modified(self, h: float, scale: float, terms: int) -> View:
@@ -246,20 +252,28 @@ class SceneFlows:
 
     def orbits(self, h: float) -> dict[str, Any]:
         """Columns x and y: states of many numerical orbits, or with two degrees of freedom their section q1 = 0."""
-        section = self.section
-        steps, kept = (ORBIT_STEPS, ORBIT_STEPS + 1) if section is None else (SECTION_STEPS, MOST_CROSSINGS)
+        section, (steps, kept) = self.section, self._orbit_sizes
         columns = np.full((2, ORBITS, kept), np.nan)
         for k, scale in enumerate(np.linspace(*SCALES, ORBITS)):
-            t, states = orbit(self.method, self.scene, scale * self.scene.y0, h, steps)
+            states = orbit(self._stepper, scale * self.scene.y0, h, steps).T
             points = states if section is None else crossings(states, section[0])
             for i in self._angles:
                 points[i] = np.remainder(points[i] + np.pi, 2 * np.pi) - np.pi
-            shown = [t if self.plane.x is None else points[self.plane.x], points[self.plane.y]]
+            shown = [h * np.arange(steps + 1) if self.plane.x is None else points[self.plane.x], points[self.plane.y]]
             shown = shown if section is None else [points[section[1]], points[section[2]]]
             count = min(points.shape[1], kept)
             columns[:, k, :count] = np.array(shown)[:, :count]
         columns[abs(columns) > NEAR * (abs(self.scene.y0).max() or 1.0)] = np.nan
         return {"x": columns[0].ravel(), "y": columns[1].ravel()}
+
+    @property
+    def _orbit_sizes(self) -> tuple[int, int]:
+        """The steps of each of many orbits, and the points that are kept."""
+        return (ORBIT_STEPS, ORBIT_STEPS + 1) if self.section is None else (SECTION_STEPS, MOST_CROSSINGS)
+
+    @cached_property
+    def _flow_stepper(self) -> Any:
+        return stepper(FLOW, self.scene)
 
     @cached_method
     def field(self, terms: int) -> Callable[..., Any]:
@@ -319,8 +333,9 @@ class SceneFlows:
         """Times and states of the numerical solution, filled up with nan; those asked for last are kept."""
         if self._last[0] != (h, scale):
             every, count = self._grid(h)
-            found = orbit(self.method, self.scene, scale * self.scene.y0, h, every * count, every)
-            self._last = (h, scale), tuple(padded(values, SAMPLES + 1) for values in found)
+            found = orbit(self._stepper, scale * self.scene.y0, h, every * count, every)
+            states, t = padded(found.T, SAMPLES + 1), h * (every * np.arange(SAMPLES + 1))
+            self._last = (h, scale), (np.where(np.isnan(states[0]), np.nan, t), states)
         return self._last[1]
 
     def _samples(self, h: float) -> list[int]:

@@ -11,7 +11,9 @@ from foundation.extras import optional_module
 from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
-    from bseries.explorer.flows import SceneShape
+    import numpy as np
+
+    from bseries.explorer.flows import SceneShape, View
     from bseries.explorer.method_facts import MethodFacts, StabilityShapes
 
 HEIGHT = 300
@@ -26,12 +28,15 @@ COLUMNS = {
     "orbits": ("x", "y"),
 }
 """The columns of each source."""
+FLOWS = (*COLOURS, "orbits")
+"""What sources are of: the beginnings of their names."""
 
 
 class ScenePlots(NamedTuple):
     """Pictures of a scene, the sliders h, scale and terms, and the button `sweep` that moves h through its range."""
 
-    sources: dict[str, Any]  # the source of data for each key of `COLUMNS`
+    fill: dict[str, Any]  # what `FILL` needs
+    news: Any  # numbers that the page is told, see `TELL`
     figures: dict[str, Any]  # the pictures, by the names under which a page has them
     h: Any
     scale: Any
@@ -43,7 +48,7 @@ class ScenePlots(NamedTuple):
     def roots(self) -> dict[str, Any]:
         """Everything that a page has, by name."""
         controls = {"h": self.h, "scale": self.scale, "terms": self.terms, "sweep": self.sweep}
-        return {**self.figures, **controls, "sentence": self.sentence}
+        return {**self.figures, **controls, "sentence": self.sentence, "news": self.news}
 
 
 def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
@@ -76,7 +81,18 @@ def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float
     `scales` are the least and the largest factor of the start, and the distance between two.
     """
     models = optional_module("bokeh.models", "explore")
-    sources = {name: models.ColumnDataSource({key: [] for key in keys}) for name, keys in COLUMNS.items()}
+    # Only the page knows the data of sources and the ranges that follow from them: nothing of it goes back to a server.
+    sources = {
+        name: models.ColumnDataSource({key: [] for key in keys}, syncable=False) for name, keys in COLUMNS.items()
+    }
+    fill = {
+        "sources": list(sources.values()),
+        "flows": [name.partition("_")[0] for name in COLUMNS],
+        "columns": [list(keys) for keys in COLUMNS.values()],
+        "lengths": [scene.lengths[name.split("_")[-1]] for name in COLUMNS],
+    }
+    news = models.ColumnDataSource(syncable=False)
+    news.js_on_change("data", models.CustomJS(args={**fill, "news": news}, code=TELL))
     least = scene.largest / steps
     wide = {"sizing_mode": "stretch_width", "margin": (4, 16, 4, 16)}
     h = models.Slider(
@@ -94,8 +110,9 @@ def scene_plots(scene: SceneShape, steps: int, scales: tuple[float, float, float
     sentence = models.Div(text="", disable_math=True, sizing_mode="stretch_width")
     figures = dict(_figures(scene, sources))
     for picture in figures.values():
+        _legend_of_copies(picture)
         _legend_above(picture)
-    return ScenePlots(sources, figures, h, scale, terms, sweep, sentence)
+    return ScenePlots(fill, news, figures, h, scale, terms, sweep, sentence)
 
 
 SWEEP = """
@@ -108,15 +125,42 @@ window.bseriesSweep = setInterval(() => {
 """Moves the slider of h five times a second."""
 
 
-def view_columns(name: str, columns: dict[str, Any]) -> dict[str, Any]:
-    """The columns of a source in single precision; sizes of energies, which are drawn in logarithmic scale."""
+FILL = """
+const fill = (flow, numbers, place) => {
+    sources.forEach((source, k) => {
+        if (flows[k] !== flow) return
+        const data = {}
+        for (const name of columns[k]) data[name] = numbers.slice(place, place += lengths[k])
+        source.data = data
+    })
+    return place
+}
+"""
+"""Takes the columns of all sources of a flow, one after the other, out of numbers from a place on."""
+TELL = f"""{FILL}
+for (const names in news.data) {{
+    let place = 0
+    for (const flow of names.split(" ")) place = fill(flow, news.data[names], place)
+}}
+"""
+"""Shows the flows that the only column of `news` has the numbers of; they are in its name."""
+
+
+def flow_numbers(flow: str, views: View) -> np.ndarray:
+    """The columns of all sources of a flow, one after the other, in single precision.
+
+    Of energies it is the sizes, which are drawn in logarithmic scale.
+    """
     import numpy as np
 
-    shown = {key: np.asarray(columns[key]) for key in COLUMNS[name]}
-    if "energy" in shown:
-        size = abs(shown["energy"])
-        shown["energy"] = np.where(size > 0, size, np.nan)
-    return {key: column.astype(np.float32) for key, column in shown.items()}
+    numbers = []
+    for name, keys in COLUMNS.items():
+        if name.partition("_")[0] == flow:
+            part = name.removeprefix(f"{flow}_")
+            for key in keys:
+                column = np.asarray(views[part][key])
+                numbers.append(np.where(column != 0, abs(column), np.nan) if key == "energy" else column)
+    return np.concatenate(numbers).astype(np.float32)
 
 
 def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -161,6 +205,18 @@ def _style(name: str) -> dict[str, Any]:
     return {"line_color": COLOURS[name], "line_dash": DASHES[name]}
 
 
+def _legend_of_copies(picture: Any) -> None:
+    """Let the legend show copies of lines and patches whose data never change.
+
+    Bokeh builds a legend anew for each source whose data change, and shows nothing for a source without a point.
+    """
+    for legend in picture.legend:
+        for item in legend.items:
+            (shown,) = item.renderers
+            nowhere = type(shown.data_source)({key: [float("nan")] for key in shown.data_source.data})
+            item.renderers = [picture.add_glyph(nowhere, shown.glyph, name="legend")]
+
+
 def _legend_above(picture: Any) -> None:
     """Move the legend out of the way of the curves."""
     for legend in list(picture.legend):
@@ -178,6 +234,7 @@ def _figure(title: str, x: str, y: str, **options: Any) -> Any:
         title=title, x_axis_label=x, y_axis_label=y, height=HEIGHT, sizing_mode="stretch_width",
         tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll=None, **options,
     )  # fmt: skip
+    picture.x_range.syncable = picture.y_range.syncable = False
     picture.toolbar.logo = None
     picture.toolbar.autohide = True
     return picture

@@ -10,11 +10,13 @@ from functools import cache, lru_cache, partial
 from html import escape
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from bseries.exceptions import SeriesError
-from bseries.explorer.flows import MOST_SPAN, SPAN, SceneFlows, SceneShape
+from bseries.explorer.flows import MOST_SPAN, NOTHING, SPAN, SceneFlows, SceneShape, View
 from bseries.explorer.flows import SCALES as FACTORS
 from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
-from bseries.explorer.plots import ScenePlots, page_parts, template, view_columns
+from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
@@ -36,14 +38,14 @@ MOST_BYTES = 2**20
 """Of a message from a browser."""
 STEPS, SCALES = 200, (*FACTORS, 0.02)
 """Of the sliders of h, and of the factor of the start."""
-FLOWS = ("numerical", "exact", "modified", "orbits")
-"""The quickest first."""
+CURVES, ORBITS = ("numerical", "exact", "modified"), ("orbits",)
+"""The flows that pictures compare, which are shown together, so that each picture is drawn once; and many orbits."""
 
 
 class Frame(NamedTuple):
-    """Values of the sliders, and the flow of which the columns are wanted."""
+    """Values of the sliders, and the flows that are wanted."""
 
-    flow: str
+    flows: tuple[str, ...]
     h: float
     scale: float
     terms: int
@@ -67,28 +69,41 @@ def scene_answer(request: Request) -> SceneShape:
     return _flows(request.method, request.scene, request.start, request.span).shape
 
 
-def frame_answer(request: Request, frame: Frame) -> dict[str, dict[str, Any]]:
-    """The columns of the sources of one flow.
+def frame_answer(request: Request, frame: Frame) -> tuple[np.ndarray, str]:
+    """The numbers of some flows for `plots.FILL`, and a sentence if there is no modified equation.
 
     Example:
         >>> from bseries.explorer.reading import Request
-        >>> sorted(frame_answer(Request(method="heun2"), Frame("exact", 0.1, 1.0, 3)))
-        ['exact_area', 'exact_curve', 'exact_patch']
+        >>> numbers, sentence = frame_answer(Request(method="heun2"), Frame(("exact",), 0.1, 1.0, 3))
+        >>> len(numbers) == 4 * 151 + 2 * 300 + 2 * 6, sentence
+        (True, '')
     """
     flows = _flows(request.method, request.scene, request.start, request.span)
-    flow, h, scale, terms = frame
+    wanted, h, scale, terms = frame
     if not (FACTORS[0] <= scale <= FACTORS[1] and 1 <= terms <= flows.terms):
         raise SeriesError(
             f"factor and terms must be {FACTORS[0]:g} to {FACTORS[1]:g} and 1 to {flows.terms}, but were {scale!r:.60} "
             f"and {terms!r:.60}"
         )
-    if flow == "orbits":
-        return {flow: view_columns(flow, flows.orbits(h))}
-    if flow == "modified":
-        view = flows.modified(h, scale, terms)
-    else:
-        view = flows.exact(h, scale) if flow == "exact" else flows.numerical(h, scale)
-    return {f"{flow}_{part}": view_columns(f"{flow}_{part}", columns) for part, columns in view.items()}
+    found, sentence = [], ""
+    for flow in wanted:
+        if flow == "orbits":
+            views = {flow: flows.orbits(h)}
+        elif flow == "modified":
+            try:
+                views = flows.modified(h, scale, terms)
+            except SeriesError as error:
+                views, sentence = NOTHING, f"{error}."
+        else:
+            views = _fixed_view(flows, flow, h, scale)
+        found.append(flow_numbers(flow, views))
+    return np.concatenate(found), sentence
+
+
+@lru_cache(2)
+def _fixed_view(flows: SceneFlows, flow: str, h: float, scale: float) -> View:
+    """A flow that does not depend on the number of terms, kept while only that changes."""
+    return flows.exact(h, scale) if flow == "exact" else flows.numerical(h, scale)
 
 
 @lru_cache(KEPT_SCENES)
@@ -190,9 +205,10 @@ class LivePage:
     def __init__(self, document: Any, workers: Workers, request: Request, plots: ScenePlots):
         self._document, self._workers, self._request, self._plots = document, workers, request, plots
         self._is_wanted = self._is_running = False
+        self._orbits_h: float | None = None  # the step size of the orbits that are shown
         for slider in (plots.h, plots.scale, plots.terms):
             slider.on_change("value", lambda name, old, new: self._start())
-        self._start()
+        document.on_event("document_ready", lambda event: self._start())  # a page that loads would miss what it is told
 
     def _start(self) -> None:
         self._is_wanted = True
@@ -210,31 +226,33 @@ class LivePage:
             self._is_running = False
 
     async def _update(self) -> None:
-        """Compute and show all flows; that of many orbits only when nothing newer is wanted."""
+        """Compute and show the flows; that of many orbits only for another step size, when nothing newer is wanted.
+
+        At first the numerical solution comes alone: machine code for the others may have to be compiled.
+        """
         plots = self._plots
-        values = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
-        sentence = ""
-        for flow in FLOWS:
-            if flow == "orbits" and self._is_wanted:
+        h, scale, terms = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
+        sentence, parts = "", (CURVES, ORBITS) if self._orbits_h is not None else (CURVES[:1], CURVES, ORBITS)
+        for flows in parts:
+            if flows is ORBITS and (self._is_wanted or h == self._orbits_h):
                 return
             try:
-                frame = Frame(flow, *values)
-                columns = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
+                frame = Frame(flows, h, scale, terms)
+                numbers, said = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
             except SeriesError as error:
-                columns, sentence = {}, f"{error}."
+                numbers, said = None, f"{error}."
             if self._document.session_context is None:  # the page was closed meanwhile
                 return
-            self._document.add_next_tick_callback(partial(self._show, columns))
-            if sentence:
-                break
-        self._document.add_next_tick_callback(partial(self._say, sentence))
+            sentence = said or sentence
+            self._document.add_next_tick_callback(partial(self._show, flows, numbers, sentence))
+            if numbers is None:
+                return
+        self._orbits_h = h
 
-    def _show(self, columns: dict[str, dict[str, Any]]) -> None:
-        for name, data in columns.items():
-            self._plots.sources[name].data = data
-
-    def _say(self, sentence: str) -> None:
+    def _show(self, flows: tuple[str, ...], numbers: Any, sentence: str) -> None:
         self._plots.sentence.text = escape(sentence)
+        if numbers is not None:
+            self._plots.news.data = {" ".join(flows): numbers}
 
 
 async def _refused(error: SeriesError) -> Answer:

@@ -128,11 +128,11 @@ def test_workers_are_shared():
 @pytest.mark.parametrize(
     ("frame", "sentence"),
     [
-        (Frame("numerical", 0.0, 1.0, 3), "h must be a number greater than 0"),
-        (Frame("numerical", float("nan"), 1.0, 3), "h must be a number greater than 0"),
-        (Frame("modified", 0.1, 1.0, 10**9), "factor and terms must be 0.2 to 1.6 and 1 to 6"),
-        (Frame("exact", 0.1, float("inf"), 3), "factor and terms must be"),
-        (Frame("exact", 1e-9, 1.0, 3), "h must be at least"),
+        (Frame(("numerical",), 0.0, 1.0, 3), "h must be a number greater than 0"),
+        (Frame(("numerical",), float("nan"), 1.0, 3), "h must be a number greater than 0"),
+        (Frame(("modified",), 0.1, 1.0, 10**9), "factor and terms must be 0.2 to 1.6 and 1 to 6"),
+        (Frame(("exact",), 0.1, float("inf"), 3), "factor and terms must be"),
+        (Frame(("exact",), 1e-9, 1.0, 3), "h must be at least"),
     ],
 )
 def test_values_that_no_slider_has(frame, sentence):
