@@ -241,7 +241,10 @@ class MachineCode:
         self._loader = binding.create_mcjit_compiler(binding.parse_assembly(""), target)  # one for each can be freed
         self._loader.add_object_file(binding.ObjectFileRef.from_data(code.content))
         self._loader.finalize_object()
-        return self._loader.get_function_address(FUNCTION)
+        address = self._loader.get_function_address(FUNCTION)
+        if not address:
+            raise AttributeError(FUNCTION)
+        return address
 
     def function(self, prototype: Any) -> Any:
         """The function for calls from Python, of a type made by `ctypes.CFUNCTYPE`; it keeps the machine code."""
@@ -318,7 +321,12 @@ def _read(path: Path | None) -> bytes | None:
             checksum, content = file.read(CHECKSUM), file.read()
     except OSError:
         return None
-    return content if sha256(content).digest() == checksum else None
+    return content if _checksum(path, content) == checksum else None
+
+
+def _checksum(path: Path, content: bytes) -> bytes:
+    """The checksum of a file, which also holds for its name: code of another function has another one."""
+    return sha256(path.name.encode() + content).digest()
 
 
 def _keep(path: Path, content: bytes, mark: Path | None = None) -> None:
@@ -326,7 +334,7 @@ def _keep(path: Path, content: bytes, mark: Path | None = None) -> None:
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_private(path.parent):
-            _write(path, sha256(content).digest() + content)
+            _write(path, _checksum(path, content) + content)
             if mark is not None and not mark.exists():
                 _write(mark, b"")
     except OSError as error:
@@ -362,7 +370,7 @@ def _is_private(directory: Path) -> bool:
                 what = f"{place} has owner {state.st_uid} and mode {stat.S_IMODE(state.st_mode):o}"
                 _warn(f"others may write to the cache {directory} ({what})")
                 return False
-    except OSError:  # it does not exist yet
+    except (OSError, RuntimeError):  # it does not exist yet, or is a loop of links
         pass
     return True
 

@@ -12,7 +12,6 @@ import math
 import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from types import FunctionType
 from typing import Any, NoReturn, cast
@@ -24,6 +23,7 @@ from foundation.extras import optional_module
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.immutable import cached_method
 from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, box_of
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
@@ -112,9 +112,9 @@ def kernel(key: str) -> Any:
     return _compiled(box_of(key))[1]
 
 
-@lru_cache(maxsize=256)
+@cached_method
 def _compiled(box: BlackBox) -> tuple[Any, Any]:
-    """The functions of an array and of a pointer."""
+    """The functions of an array and of a pointer. They live as long as the box: machine code calls `report`."""
     stored = _stored(_value_type(box), "values", box.shape, str(box.inputs), box)
     lines = [f"values = function({', '.join(_arguments(box))})", *stored]
     text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=box.total, inputs=box.inputs)
@@ -125,7 +125,7 @@ def _compiled(box: BlackBox) -> tuple[Any, Any]:
         try:
             evaluated(box, values)
         except Exception as error:
-            _FAILURE.error = box.name, values, error
+            _FAILURE.error = box.name, values, error.with_traceback(None)  # which would keep the run
 
     return load_module(text, keep=False).bound(box.function, report)
 

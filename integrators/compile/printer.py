@@ -25,6 +25,7 @@ from integrators.compile.operation_graph import (
     simplest,
 )
 from integrators.core.errors import IntegratorError
+from integrators.core.syntax_trees import syntax_tree
 from integrators.exact.arithmetic import Exact
 from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, literal, within
 
@@ -87,7 +88,7 @@ def count_operations(lines: Iterable[str]) -> Counter[str]:
     kinds: dict[Any, str] = {ast.Add: "add", ast.Sub: "add", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}
     counts: Counter[str] = Counter()
     for line in lines:
-        for node in ast.walk(ast.parse(line)):
+        for node in ast.walk(syntax_tree(line)):
             if isinstance(node, ast.BinOp | ast.AugAssign):
                 counts[kinds[type(node.op)]] += 1
             elif isinstance(node, ast.Call):

@@ -52,6 +52,11 @@ def _shapes(run: Mapping[str, Any], rows: Counts) -> dict[str, tuple[int, ...]]:
     return {key: (counts[key], *width) for key, width in row_widths(run).items()}
 
 
+def _arrays(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+    """Arrays for rows; observed values are nan until they are written, which an observer that fails does not do."""
+    return {key: np.full(shape, np.nan) if key == "observed" else np.empty(shape) for key, shape in shapes.items()}
+
+
 def _size(run: Mapping[str, Any], rows: Counts) -> int:
     """Bytes of all rows."""
     return 8 * sum(map(math.prod, _shapes(run, rows).values()))
@@ -68,7 +73,7 @@ class Recording:
     def __init__(self, run: Mapping[str, Any], total: Counts):
         _check_memory(_size(run, total))
         self.counts, self._run = Counts(), run
-        self._rows = {key: np.empty(shape) for key, shape in _shapes(run, total).items()}
+        self._rows = _arrays(_shapes(run, total))
 
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
@@ -156,7 +161,7 @@ class FolderRecording(Recording):
 
     def room(self, rows: Counts) -> Rows:
         """Arrays for the next states and observations."""
-        self._rows = {key: np.empty(shape) for key, shape in _shapes(self._run, rows).items()}
+        self._rows = _arrays(_shapes(self._run, rows))
         return self._rows
 
     def add(self, rows: Counts) -> None:

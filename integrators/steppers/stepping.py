@@ -200,6 +200,7 @@ class Stepper:
             (y_every, y_rows, y_times, self.scene.dimension, "y"),
             (o_every, o_rows, o_times, None, "o"),
         ):
+            every = read_whole(every, f"{name}_every", "a whole number, 0 or more", 0, MOST_STEPS)
             check_rows(rows, times, (first + steps) // every - first // every if every else 0, width, name)
         if o_every and (not observer or o_rows is None):
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
@@ -261,7 +262,8 @@ class Stepper:
     def _checked(self, state: State, steps: int) -> int:
         """The number of steps, after checks of the arguments."""
         memory = self._compiled(state.solver).memory
-        if (len(state.values), len(state.memory)) != (self.scene.dimension, memory):
+        sizes = len(state.values), len(state.memory), len(state.control) > 0
+        if sizes != (self.scene.dimension, memory, self.control is not None):
             raise IntegratorError(f"state must be one that {self!r} has started, but was another one's")
         steps = read_whole(steps, "steps", "a whole number, 0 or more", 0, MOST_STEPS)
         if self.control is None:

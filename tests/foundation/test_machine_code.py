@@ -172,7 +172,7 @@ def test_appended_bytes_directories_and_other_pickles(directory, kernels):
     file.write_bytes(file.read_bytes() + b"\0")
     assert [hits(kernels.cube) for _ in range(2)] == [0, 1]
     for content in (pickle.dumps(3), b"no pickle", b""):
-        file.write_bytes(sha256(content).digest() + content)
+        file.write_bytes(sha256(file.name.encode() + content).digest() + content)
         assert [hits(kernels.cube) for _ in range(2)] == [0, 1]
     file.unlink()
     file.mkdir()
@@ -196,7 +196,7 @@ def planted(directory, kernels, path):
     hits(kernels.cube)
     (file,) = codes(directory)
     content = pickle.dumps(Planted(path))
-    file.write_bytes(sha256(content).digest() + content)
+    file.write_bytes(sha256(file.name.encode() + content).digest() + content)
     return file
 
 

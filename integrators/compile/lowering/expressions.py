@@ -18,6 +18,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
 
+from integrators.core.syntax_trees import compiled_tree, syntax_tree
+
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow, ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.LShift: operator.lshift,
@@ -38,11 +40,12 @@ def tree_of(function: Any) -> ast.FunctionDef:
     """The syntax tree of a function."""
     code: CodeType = function.__code__
     lines = linecache.getlines(code.co_filename, function.__globals__)  # also of modules outside `sys.modules`
-    tree = ast.parse(dedent("".join(inspect.getblock(lines[code.co_firstlineno - 1 :])))).body[0]
+    parsed = syntax_tree(dedent("".join(inspect.getblock(lines[code.co_firstlineno - 1 :]))))
+    tree = next(ast.iter_child_nodes(parsed))
     if not isinstance(tree, ast.FunctionDef):
         refuse(tree)
     tree.decorator_list = []
-    compiled = compile(ast.Module([tree], []), "", "exec").co_consts
+    compiled = compiled_tree(ast.Module([tree], [])).co_consts
     found = next(constant for constant in compiled if isinstance(constant, CodeType))
     if (found.co_code, found.co_names) != (code.co_code, code.co_names):
         raise NotImplementedError(

@@ -15,6 +15,7 @@ from itertools import islice
 from typing import Any, NamedTuple, NoReturn
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.core.syntax_trees import syntax_tree
 
 MOST_CHARACTERS = 1_000_000
 MOST_BRACKETS = 20
@@ -100,7 +101,7 @@ class _Reader:
                 what = f"at most {MOST_BRACKETS} nested brackets and entries of at most {MOST_TOKENS} parts"
                 raise IntegratorError(f"{self.name} must have {what}, but has more")
         try:
-            tree = ast.parse(self.source, mode="eval")
+            tree = syntax_tree(self.source, "eval")
         except (SyntaxError, ValueError, MemoryError, RecursionError):
             self._refuse(self.source)
         return self._array(tree.body)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from contextlib import contextmanager
 
 import numpy as np
@@ -509,3 +510,17 @@ def test_leftovers_of_a_run_that_died_are_replaced(tmp_path):
 def test_a_folder_is_no_file(tmp_path):
     with pytest.raises(IntegratorError, match=r"to must be a file, but .* was a folder"):
         integrate("rk4", PENDULUM, h=0.1, steps=3, to=tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_observers_that_fail_leave_nan():
+    def late(t, y):
+        if t > 0.25:
+            raise ValueError
+        return t
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the error cannot leave machine code, and an observed nan is warned of
+        run = integrate("rk4", PENDULUM, h=0.1, steps=4, observe=late)
+    (values,) = run.observed.values()
+    np.testing.assert_allclose(values, [0, 0.1, 0.2, np.nan, np.nan], atol=1e-15)

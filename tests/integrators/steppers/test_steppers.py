@@ -2,6 +2,7 @@
 
 import ast
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from integrators.reference.plain_steps import plain_steps
 from integrators.steppers import writer
 
 PENDULUM = bi.scene("pendulum")
+CONTROLLED = bi.stepper("rk4", PENDULUM, control="1/(1+p**2)")
 ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]
 RING = bi.Scene(
     {"p": 12, "q": 12},
@@ -253,6 +255,11 @@ def test_a_state_changes_by_steps_only():
         (lambda s, t: s.record(t, 9, y_every=2), "y_rows must be given with y_every"),
         (lambda s, t: s.record(t, 9, o_every=2, o_rows=np.empty((9, 1))), "observer must be the address"),
         (lambda s, t: s.advance(bi.stepper("rk4", bi.scene("kepler")).start(h=1), 1), "state must be one that"),
+        (lambda s, t: s.advance(CONTROLLED.start(h=0.1), 1), "state must be one that"),
+        (lambda s, t: CONTROLLED.advance(t, 1), "state must be one that"),
+        (lambda s, t: s.record(t, 4, y_every=-1, y_rows=np.empty((9, 2))), "y_every must be a whole number, 0 or more"),
+        (lambda s, t: s.record(t, 4, y_every=2**63, y_rows=np.empty((9, 2))), "y_every must be a whole number"),
+        (lambda s, t: s.record(t, 4, o_every=-1, o_rows=np.empty((9, 2))), "o_every must be a whole number, 0 or more"),
         (lambda s, t: s.restart(t, y=[1 + 1j, 2]), "y0 must hold 2 finite numbers"),
     ],
 )
@@ -266,3 +273,14 @@ def test_what_compiled_code_would_not_survive_is_refused(call, message):
 def test_methods_for_special_systems_are_refused_elsewhere(method):
     with pytest.raises(bi.IntegratorError, match="must be of the kind that"):
         bi.stepper(method, bi.scene("lotka-volterra"))
+
+
+def test_threads_compile_at_once(monkeypatch, tmp_path):
+    """Python 3.11 confuses the syntax trees of two threads."""
+    monkeypatch.setenv("BSERIES_CACHE", str(tmp_path))
+    starts = [{"p": [0], "q": [k]} for k in range(1, 5)]
+    scenes = [bi.Scene({"p": 1, "q": 1}, hamiltonian=f"p^2/2 - {k}*cos(q)/7", start=starts[k % 4]) for k in range(48)]
+    with ThreadPoolExecutor(8) as threads:
+        found = list(threads.map(lambda scene: bi.integrate("rk4", scene, h=0.1, steps=3).y, scenes))
+    for scene, y in zip(scenes[::12], found[::12], strict=True):
+        np.testing.assert_array_equal(y, bi.integrate("rk4", scene, h=0.1, steps=3).y)

@@ -1,0 +1,26 @@
+"""Syntax trees of Python, by one thread at a time.
+
+Python 3.11 counts the depth of syntax trees in one place for all threads, and two that switch meanwhile end in a
+SystemError (python/cpython#106905).
+"""
+
+from __future__ import annotations
+
+import ast
+import threading
+from types import CodeType
+from typing import Any
+
+_LOCK = threading.RLock()
+
+
+def syntax_tree(source: str, mode: str = "exec") -> Any:
+    """The syntax tree of a source, as by `ast.parse`."""
+    with _LOCK:
+        return ast.parse(source, mode=mode)
+
+
+def compiled_tree(tree: ast.Module) -> CodeType:
+    """The code of a syntax tree."""
+    with _LOCK:
+        return compile(tree, "", "exec")
