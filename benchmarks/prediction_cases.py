@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import bseries as bs
 from bseries.advice.measures import energy_size, relative_change, relative_distance
-from bseries.advice.predictions.run_prediction import ONLY_ROUNDING
+from bseries.advice.predictions.expected_errors import ONLY_ROUNDING
 
 from .kinds import Figure, Measurement
 

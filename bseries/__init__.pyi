@@ -44,7 +44,7 @@ from . import hamiltonians as hamiltonians
 from . import shadow as shadow
 from .advice.effects.costs import effect_costs as effect_costs
 from .advice.effects.influences import effect_influence as effect_influence
-from .advice.predictions.run_prediction import predict_run as predict_run
+from .advice.predictions.expected_errors import predict_run as predict_run
 from .advice.work_precision.precision_curves import work_precision as work_precision
 from .algebra.bseries import BSeries as BSeries
 from .algebra.modified import exact_flow as exact_flow

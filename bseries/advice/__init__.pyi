@@ -5,9 +5,9 @@ from .effects.influences import EffectReport as EffectReport
 from .effects.influences import EffectRow as EffectRow
 from .effects.influences import Influence as Influence
 from .effects.influences import effect_influence as effect_influence
+from .predictions.expected_errors import predict_run as predict_run
 from .predictions.prediction import ExpectedError as ExpectedError
 from .predictions.prediction import Prediction as Prediction
-from .predictions.run_prediction import predict_run as predict_run
 from .work_precision.precision_curves import WorkPrecision as WorkPrecision
 from .work_precision.precision_curves import work_precision as work_precision
 from .work_precision.recommendation import Recommendation as Recommendation

@@ -61,12 +61,12 @@ class PerturbationRun(NamedTuple):
 
 
 def perturbation_run(
-    terms: ModifiedTerms, slopes: Any, y0: np.ndarray, h: float, span: float, t0: float = 0.0
+    terms: ModifiedTerms, energy_gradient: Any, y0: np.ndarray, h: float, span: float, t0: float = 0.0
 ) -> PerturbationRun | None:
     """Compute the exact flow and the modified equation over a span, or over the part that the CPU time allows.
 
-    `slopes` is ∇H as a function of states, and `span` has the sign of h. There is no result if the span is shorter than
-    the time scale and all effects are below the rounding of a step.
+    `energy_gradient` is ∇H as a function of states, and `span` has the sign of h. There is no result if the span is
+    shorter than the time scale and all effects are below the rounding of a step.
     """
     scene = terms.field.scene
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
@@ -78,7 +78,7 @@ def perturbation_run(
         return None
     factor = max(1.0, DISTANCE * size / (abs(spacing) * RESOLUTION * effect))
 
-    effects = _Effects(terms, slopes, powers, h, factor * spacing / 2)
+    effects = _Effects(terms, energy_gradient, powers, h, factor * spacing / 2)
     flow, count = stepper(METHOD, scene), min(total, MOST_POINTS)
     exact, other = (flow.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in range(2))
     y, z = [y0[:, None]], [y0[:, None]]
@@ -96,15 +96,15 @@ def perturbation_run(
         began, done = min(began, thread_time()), done + points
     states, others = np.concatenate(y, axis=1), np.concatenate(z, axis=1)
     t = np.linspace(0.0, span * (done / total), done + 1)  # ends exactly with the run
-    changes = None if slopes is None else effects.energy_changes(others, spacing)
+    changes = None if energy_gradient is None else effects.energy_changes(others, spacing)
     return PerturbationRun(t, states, (others - states) / factor, changes, powers, factor, is_complete)
 
 
 class _Effects:
     """Effects of r = h^p f_{p+1} + …: impulses, the solution with them, and changes of the energy."""
 
-    def __init__(self, terms: ModifiedTerms, slopes: Any, powers: tuple[int, ...], h: float, weight: float):
-        self._terms, self._slopes, self._weight = terms, slopes, weight
+    def __init__(self, terms: ModifiedTerms, energy_gradient: Any, powers: tuple[int, ...], h: float, weight: float):
+        self._terms, self._energy_gradient, self._weight = terms, energy_gradient, weight
         self._scales = h ** np.array(powers)[:, None, None]
 
     def _values(self, y: np.ndarray) -> np.ndarray:
@@ -134,7 +134,7 @@ class _Effects:
 
     def energy_changes(self, y: np.ndarray, spacing: float) -> np.ndarray:
         """∫ ∇H · r dt by power of h along a solution, (powers, n)."""
-        products = self._slopes(y) * self._values(y)
+        products = self._energy_gradient(y) * self._values(y)
         rates = products.sum(axis=1)
         rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
         changes = np.zeros(rates.shape)

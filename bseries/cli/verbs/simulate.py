@@ -246,7 +246,7 @@ def simulate(
         observe_every = interval if observe_every is None else observe_every
 
     def expect(cost: float | None) -> Prediction:
-        from bseries.advice.predictions.run_prediction import predict_run
+        from bseries.advice.predictions.expected_errors import predict_run
 
         run = {key: value for key, value in common.items() if key != "checkpoint"}
         return predict_run(method, scene, seconds_per_step=cost, save_every=kept, observe_every=observe_every, **run)

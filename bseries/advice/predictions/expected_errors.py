@@ -167,15 +167,15 @@ def _expected_errors(
                 return both(0.0, "only rounding")
             if (order := _first_not_symplectic(method, terms.field.order)) is not None:
                 terms = modified_terms(method, scene, parts, order=order)
-            slopes = gradient(scene)
-            run = perturbation_run(terms, slopes, y0, h, span, t0)
+            energy_gradient = gradient(scene)
+            run = perturbation_run(terms, energy_gradient, y0, h, span, t0)
             if run is None:
                 return both(0.0, ONLY_ROUNDING, terms.powers)
             if not run.is_complete:
                 return both(None, NOT_SMALL)
             if not np.isfinite(run.errors).all():
                 return both(None, "terms of the modified equation are not finite along the solution")
-            along = None if slopes is None else slopes(run.y)
+            along = None if energy_gradient is None else energy_gradient(run.y)
             moves = terms.moves(run.y[:, :: max(1, run.y.shape[1] // SPEEDS)])
             energy = expected_energy_error(scene, run, along, moves, y0)
             solution = expected_solution_error(scene, run, energy)
@@ -203,13 +203,13 @@ def _first_not_symplectic(method: Method, order: int) -> int | None:
 
 
 def expected_energy_error(
-    scene: Scene, run: PerturbationRun, slopes: np.ndarray | None, moves: np.ndarray, y0: np.ndarray
+    scene: Scene, run: PerturbationRun, energy_gradient: np.ndarray | None, moves: np.ndarray, y0: np.ndarray
 ) -> ExpectedError:
     """The largest change of the energy during a perturbation run.
 
-    `slopes` is ∇H along the run, `moves` the distance that each variable moves within the time scale.
+    `energy_gradient` is ∇H along the run, `moves` the distance that each variable moves within the time scale.
     """
-    if run.changes is None or slopes is None:
+    if run.changes is None or energy_gradient is None:
         return ExpectedError(None, NO_ENERGY)
     changes, size = run.changes, energy_size(scene, y0)
     expected = float(abs(changes.sum(axis=0)).max()) / size
@@ -220,7 +220,7 @@ def expected_energy_error(
         return ExpectedError(None, TERMS_DIFFER.format(last=run.powers[-1]))
     # The energy of the orbit is the mean of Σ |∂H/∂y_i · (y_i − ȳ_i)| / 2, which is H for oscillators.
     away = np.minimum(abs(run.y - run.y.mean(axis=1)[:, None]), moves[:, None])  # unbounded variables count with moves
-    if expected * size > float((abs(slopes) * away).sum(axis=0).mean() / 2):
+    if expected * size > float((abs(energy_gradient) * away).sum(axis=0).mean() / 2):
         return ExpectedError(None, ANOTHER_ORBIT)
     return ExpectedError(expected)
 
