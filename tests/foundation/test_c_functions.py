@@ -181,15 +181,21 @@ def oscillator(k):
 
 def test_the_code_of_fifty_scenes_is_freed(directory):
     bs.integrate("rk4", oscillator(1000), h=0.01, steps=10, observe="energy")
+    forget()  # also what other tests have made
     before, modules = alive(), len(sys.modules)
     for k in range(50):
         bs.integrate("rk4", oscillator(k), h=0.01, steps=10, observe="energy")
     assert alive() == before + 100  # steps and energies, which the last steppers and observers keep
-    for cache in (stepping._stepper, bs.integrate.__globals__["observers"].__globals__["_c_functions"]):
-        cache.cache_clear()
+    forget()
     assert alive() <= before
     assert len(sys.modules) == modules
     assert len(c_functions._IN_MEMORY) <= before
+
+
+def forget():
+    """Drop the steppers and observers that are kept for later calls."""
+    for cache in (stepping._stepper, bs.integrate.__globals__["observers"].__globals__["_c_functions"]):
+        cache.cache_clear()
 
 
 def test_the_engine_goes_with_the_code(directory, made):
