@@ -7,6 +7,7 @@ with the last user of a function.
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ REPEATED: Any = ctypes.CFUNCTYPE(
 """See `integrators.steppers.recording`."""
 _OWN = (*SOURCES, Path(__file__), Path(__file__).with_name("machine.py"))
 _Data: Any = ctypes.c_double * 0
+_LOCK = threading.Lock()
 _IN_MEMORY: WeakValueDictionary[str, MachineCode] = WeakValueDictionary()
 
 
@@ -68,7 +70,9 @@ def c_function(source: str, name: str, *, helpers: Sequence[Path] = ()) -> Machi
 
     found = _IN_MEMORY.get(key)
     if found is None:
-        found = _IN_MEMORY[key] = machine_code.c_function(key, compiled)
+        made = machine_code.c_function(key, compiled)
+        with _LOCK:  # threads that made it at once all take the first, which lives as long as one of them uses it
+            found = _IN_MEMORY.setdefault(key, made)
     return found
 
 

@@ -50,8 +50,8 @@ def cached_method(function: Function) -> Function:
     @wraps(function)
     def known(owner: Any, *arguments: Any) -> Any:
         values = owner.__dict__.setdefault(name, {})
-        if arguments not in values:
-            values[arguments] = function(owner, *arguments)
+        if arguments not in values:  # of several threads, all take the result of the first
+            return values.setdefault(arguments, function(owner, *arguments))
         return values[arguments]
 
     return cast(Function, known)

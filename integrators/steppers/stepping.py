@@ -232,8 +232,9 @@ class Stepper:
         """
         steps, to = self._checked(state, steps), state.copy()
         times = read_whole(times, "times", "a whole number, 0 or more", 0, MOST_STEPS)
+        code = self._compiled(state.solver).code  # kept while it runs
         made = _loop("repeated", REPEATED)(
-            self._compiled(state.solver).code.address, *_pointers(state), *_pointers(to), *self._arrays(state),
+            code.address, *_pointers(state), *_pointers(to), *self._arrays(state),
             len(state.values), len(state.memory), len(state.control), state.h, steps, state.is_fresh, times,
         )  # fmt: skip
         if made < times:
@@ -250,8 +251,9 @@ class Stepper:
 
     def _run(self, state: State, steps: int, stored: tuple[Any, ...] = NOTHING) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""
+        code = self._compiled(state.solver).code  # kept while it runs
         made = _loop("recorded", RECORDED)(
-            self._compiled(state.solver).code.address, *_pointers(state), *self._arrays(state),
+            code.address, *_pointers(state), *self._arrays(state),
             len(state.values), len(state.control) > 0, state.h, state.t0, state.n, steps, state.is_fresh,
             *stored,
         )  # fmt: skip

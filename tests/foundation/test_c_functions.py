@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from math import sin
 from pathlib import Path
@@ -20,6 +21,7 @@ import bseries as bs
 from foundation import machine_code
 from foundation.machine_code import CHECKSUM, MachineCode, ObjectCode, c_address, c_function
 from integrators.compile import c_functions
+from integrators.core.immutable import cached_method
 from integrators.steppers import stepping
 
 ROOT = Path(__file__).parents[2]
@@ -254,3 +256,34 @@ def test_a_later_process_runs_without_numba_to_the_same_bits(directory):
     ]
     assert [line.pop() for line in lines] == ["True", "False"]
     assert lines[0] == lines[1]
+
+
+def test_threads_that_compile_at_once_share_the_code(directory, made, monkeypatch):
+    """Otherwise the code of one would be freed while another thread runs it."""
+    make, _ = made
+    together = threading.Barrier(2, timeout=60)
+
+    def compiled(key, make_it):
+        together.wait()
+        return MachineCode(make())
+
+    monkeypatch.setattr(machine_code, "c_function", compiled)
+    with ThreadPoolExecutor(2) as threads:
+        one, other = threads.map(lambda _: c_functions.c_function("x = 1", "advance"), range(2))
+    assert one is other
+
+
+def test_threads_that_cache_a_result_at_once_share_it():
+    together = threading.Barrier(2, timeout=60)
+
+    class Owner:
+        @cached_method
+        def value(self):
+            together.wait()
+            return object()
+
+    owner = Owner()
+    with ThreadPoolExecutor(2) as threads:
+        one, other = threads.map(lambda _: owner.value(), range(2))
+    assert one is other
+    assert owner.value() is one
