@@ -96,7 +96,7 @@ def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.Module
 
 LOADING, COMPILING = 0.4, 5.0
 """Seconds that the first compiled call takes: numba's import, and machine code from the cache or compiled."""
-ARRAYS = 0.1
+ARRAYS = 0.06
 """Seconds that NumPy's import takes."""
 SMALL = 1e-3
 """Seconds below which the interpreter takes no longer than calls of NumPy."""
