@@ -10,8 +10,10 @@ tanh(ad_A/2) of the odd ones, and [A, P_x] = P_Ax.
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any
@@ -24,6 +26,19 @@ MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further lett
 PRIME = 2**31 - 1  # checks the results modulo 2^64
 
 
+@contextmanager
+def _collecting_later() -> Iterator[None]:
+    """No search for garbage: it would visit the new tuples and fractions again and again, for a quarter of the time."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+@_collecting_later()
 def bch_terms(order: int, names: Sequence[str], *, symmetric: bool) -> list[dict[tuple[str, ...], Fraction]]:
     """The coordinates of log(exp A exp B), or of log(exp(A/2) exp B exp(A/2)), by degree and Lyndon word."""
     import numpy as np
