@@ -31,14 +31,6 @@ SINE = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
 
 
 @pytest.fixture
-def directory(tmp_path, monkeypatch):
-    monkeypatch.setenv("BSERIES_CACHE", str(tmp_path / "cache"))
-    machine_code._warn.cache_clear()
-    yield tmp_path / "cache"
-    machine_code._warn.cache_clear()
-
-
-@pytest.fixture
 def made():
     """A function that compiles x ↦ 2 sin x, and a list that grows with each of its calls."""
     from numba import types

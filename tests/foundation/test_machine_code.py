@@ -39,14 +39,6 @@ ROOT_ONLY = pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="
 
 
 @pytest.fixture
-def directory(tmp_path, monkeypatch):
-    monkeypatch.setenv("BSERIES_CACHE", str(tmp_path / "cache"))
-    machine_code._warn.cache_clear()
-    yield tmp_path / "cache"
-    machine_code._warn.cache_clear()
-
-
-@pytest.fixture
 def kernels(tmp_path):
     """A module in a file, under a name of its own: its functions and their text."""
     return load(tmp_path / "kernels.py")
