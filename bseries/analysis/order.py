@@ -12,7 +12,7 @@ import random
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache, partial, reduce
+from functools import lru_cache, partial
 from itertools import chain, islice
 from operator import add, itemgetter
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
-from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic, sign
+from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
@@ -305,11 +305,10 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     def public(number: Any) -> Any:
         return from_element(number) if isinstance(number, RealAlgebraic) else number
 
-    errors = [_simple((values[at] - exact[at]) / s.table[at].symmetry) for at in ids]
-    largest: Any = None
-    if not any(getattr(e, "free_symbols", None) for e in errors):
-        sizes = (-e if sign(e) < 0 else e for e in errors)
-        largest = public(reduce(lambda most, size: size if sign(size - most) > 0 else most, sizes, Fraction(0)))
+    symmetries = map(int, s.table.symmetry[ids.start : ids.stop])
+    errors = [_simple((values[at] - exact[at]) / sigma) for at, sigma in zip(ids, symmetries, strict=True)]
+    has_symbols = any(getattr(e, "free_symbols", None) for e in errors)
+    largest = None if has_symbols else public(max(map(abs, errors), default=Fraction(0)))
     return ErrorCoefficients(
         order,
         tuple((s.table[at], public(e)) for at, e in zip(ids, errors, strict=True)),

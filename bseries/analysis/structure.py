@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
+from itertools import compress, count
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from bseries.algebra.bseries import BSeries, check_field
@@ -69,7 +70,9 @@ class StructureConditions:
             self.breaks.append(min(row))
             self._norm = max(self._norm, sum(map(abs, row.values())))
         self._start, self._tree, self._factor = (np.array(x, np.int64) for x in (starts, trees, factors))
-        self._pairs = np.array(pairs, np.int64).reshape(-1, 2).T
+        whole = np.array(pairs, np.int64).reshape(-1, 2)
+        self._paired = np.flatnonzero(whole[:, 0] >= 0)
+        self._first, self._second = np.ascontiguousarray(whole[self._paired].T)
 
     def residuals(self, values: Any, *, flow: bool) -> list[Any]:
         """Left minus right side of every condition.
@@ -87,12 +90,11 @@ class StructureConditions:
             values = np.fromiter(values, object, len(values))
         else:
             largest = max(int(values.max(initial=0)), -int(values.min(initial=0)))
-            values = values.astype(object if largest * self._norm + flow * largest**2 >= 2**63 else np.int64)
+            if largest * self._norm + flow * largest**2 >= 2**63:
+                values = values.astype(object)
         sums = np.add.reduceat(values[self._tree] * self._factor, self._start[:-1])
         if flow:
-            has_pair = self._pairs[0] >= 0
-            first, second = self._pairs[:, has_pair]
-            sums[has_pair] -= values[first] * values[second]
+            sums[self._paired] -= values[self._first] * values[self._second]
         return sums.tolist()
 
 
@@ -150,8 +152,8 @@ def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow:
 
 def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
     """Indices of nonzero residuals; `nearby` are the residuals of the other samples of a series in decimals."""
-    for k, residual in enumerate(residuals):
-        if residual and (not nearby or abs(residual) > 3 * max(abs(other[k] - residual) for other in nearby)):
+    for k in compress(count(), residuals):
+        if not nearby or abs(residuals[k]) > 3 * max(abs(other[k] - residuals[k]) for other in nearby):
             yield k
 
 

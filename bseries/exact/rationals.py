@@ -71,7 +71,7 @@ class Values:
         """The coefficients of the trees of a smaller table, the first of the own one."""
         return type(self)(table, self.raw[: len(table)])
 
-    @property
+    @cached_property
     def reduced(self) -> Any:
         """The same values over the smallest denominators, or in a field without any."""
         return self
@@ -124,15 +124,16 @@ class RationalValues(Values):
     def __getitem__(self, at: int) -> Fraction:
         return Fraction(int(self.raw[at]), self.denominators[self.table.columns.order[at]])
 
-    @property
+    @cached_property
     def reduced(self) -> RationalValues:
         """The same values over the smallest denominators."""
         numerators, denominators = self.raw.copy(), [1]
         for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
             part: Any = self.raw[first:last]  # a list beyond int64
-            values = part if isinstance(part, list) else part.tolist()
-            common = math.gcd(self.denominators[n], *values)  # exceeds int64 if all are 0 or −2^63
-            numerators[first:last] = [x // common for x in values]
+            common = math.gcd(self.denominators[n], *(part if isinstance(part, list) else part.tolist()))
+            if common >= 2**63 and not isinstance(part, list):  # all are 0 or −2^63
+                part = part.tolist()
+            numerators[first:last] = [x // common for x in part] if isinstance(part, list) else part // common
             denominators.append(self.denominators[n] // common)
         return RationalValues(self.table, numerators, denominators, math.lcm(*denominators))
 

@@ -194,17 +194,22 @@ class GeneratedRing:
     def dot(self, pairs: Iterable[tuple[Element | Number, Element]]) -> Element:
         """A sum of products in normal form; a linear combination is left as it is."""
         factors = list(pairs)  # first, since it may add generators
-        total, is_linear = self._context.constant(0), True
+        total, is_linear = None, True
         for a, b in factors:
-            if not isinstance(a, Element):
-                total += self._current(b) * _number(a)
-                continue
-            is_linear = False
-            left, right = self._current(a), self._current(b)
-            for part in (left,) if len(left) * len(right) <= PART * self.limit else _parts(left):
-                total += part * right
-                if len(total) > self.limit:
+            right, size = self._current(b), 0
+            if isinstance(a, Element):
+                left, is_linear = self._current(a), False
+                size = len(left) * len(right)
+                parts = [left] if size <= PART * self.limit else _parts(left)
+            else:
+                parts = [_number(a)]
+            for part in parts:
+                product = right * part
+                total = product if total is None else total + product
+                if size > self.limit and len(total) > self.limit:
                     raise TooLarge(self.limit)
+        if total is None:
+            return self.zero
         return Element(self, total) if is_linear else self._reduced(total)
 
     def power(self, element: Element, n: int) -> Element:
@@ -238,8 +243,8 @@ class GeneratedRing:
         """The normal form."""
         if len(self._relations) == 1:  # one remainder is the normal form
             polynomial = polynomial % self._current(self._relations[0][0])
-        before = polynomial if len(self._relations) < 2 else None
-        while polynomial != before:
+        before = None
+        while len(self._relations) > 1 and polynomial != before:
             if len(polynomial) > self.limit:
                 raise TooLarge(self.limit)
             before, degrees = polynomial, polynomial.degrees()[::-1]

@@ -107,6 +107,11 @@ class Stepper:
     def __repr__(self) -> str:
         return f"<Stepper {self.method.name} on {self.scene.name}>"
 
+    @property
+    def iterates(self) -> bool:
+        """Whether stages are solved for by iteration, so that the cost of a step depends on its size."""
+        return self._compiled(self._first_solver).iterates
+
     def start(self, y0: Any = None, *, h: float | str, t0: float = 0.0) -> State:
         """Start a run.
 

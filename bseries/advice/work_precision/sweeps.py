@@ -417,15 +417,24 @@ def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> 
 
 
 def timed_curves(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]:
-    """The curves of several sweeps, timed in interleaved rounds."""
-    work = {
-        f"{candidate.name} {steps}": judge.work(candidate, steps)
-        for candidate, rows in swept
-        for steps, errors in rows
-        if errors.failure is None
-    }
+    """The curves of several sweeps, timed in interleaved rounds.
+
+    Iterated steps are timed for each step size. The cost of other steps does not depend on it, and the longest run is
+    timed for all.
+    """
+    timed = dict[tuple[str, int], tuple[str, int]]()  # which run is timed for a run
+    work = dict[tuple[str, int], Work]()
+    for candidate, rows in swept:
+        counts = [steps for steps, errors in rows if errors.failure is None]
+        iterates = stepper(candidate.method, judge.scene, solver=candidate.solver).iterates
+        for steps in counts:
+            chosen = steps if iterates else counts[-1]
+            timed[candidate.name, steps] = candidate.name, chosen
+            work[candidate.name, chosen] = judge.work(candidate, chosen)
     costs = step_costs(work, sample=SAMPLE)
-    return [
-        Curve(candidate, tuple(Row(judge.span / n, n, costs.get(f"{candidate.name} {n}"), e) for n, e in rows))
-        for candidate, rows in swept
-    ]
+    found = []
+    for candidate, rows in swept:
+        keys = [timed.get((candidate.name, steps)) for steps, _ in rows]
+        cells = zip(rows, keys, strict=True)
+        found.append(Curve(candidate, tuple(Row(judge.span / n, n, key and costs[key], e) for (n, e), key in cells)))
+    return found

@@ -184,6 +184,15 @@ class RealAlgebraic(Arithmetic):
     def __neg__(self) -> RealAlgebraic:
         return RealAlgebraic(self.field, -self.residue)
 
+    def __abs__(self) -> RealAlgebraic:
+        return -self if sign(self) < 0 else self
+
+    def __lt__(self, other: Any) -> bool:
+        return sign(self - other) < 0
+
+    def __gt__(self, other: Any) -> bool:
+        return sign(self - other) > 0
+
     def inverse(self) -> RealAlgebraic:
         """The inverse, by Euclid's algorithm."""
         return RealAlgebraic(self.field, self.residue.xgcd(self.field.modulus)[1])

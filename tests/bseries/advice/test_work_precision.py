@@ -162,6 +162,13 @@ def test_rows_have_times_and_failures_stay():
     assert "runs failed" in " ".join(found.notes)
 
 
+def test_what_is_timed(pendulum):
+    """Each step size of steps that iterate, and one of the others: their cost does not depend on it."""
+    for curve in pendulum.curves:
+        costs = [id(row.cost) for row in curve.rows if row.cost is not None]
+        assert len(set(costs)) == (len(costs) if curve.candidate.name == "gauss2" else 1)
+
+
 def test_stiff_scenes_get_newtons_method():
     stiff = bs.parse_scene("y' = z; z' = -1000*z - 1000*y").with_start(y=[1, -1])
     found = bs.work_precision(["radau-iia2", "rk4"], stiff, span=2, errors=(1e-1, 1e-6), budget=BUDGET)
