@@ -2,6 +2,7 @@
 
 import gc
 import sys
+from collections import defaultdict
 
 import pytest
 from hypothesis import settings
@@ -32,6 +33,21 @@ def pytest_configure(config):
         import numba  # noqa: F401
     elif config.getoption("numba") == "never":
         sys.meta_path.insert(0, SkipsWhatLoadsNumba())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the cases of a test as slow, but for a few spread evenly: `make test` runs these, `make test-all` all."""
+    cases = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("few") and not item.get_closest_marker("slow"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    for group in cases.values():
+        (count,) = group[0].get_closest_marker("few").args
+        kept = {k * len(group) // count for k in range(count)}
+        for k, item in enumerate(group):
+            if k not in kept:
+                item.add_marker("slow")
 
 
 def pytest_collection_finish(session):

@@ -91,6 +91,7 @@ def test_all_results_with_a_plot_are_drawn_here():
     assert plotted - others == set(EXAMPLES) - others
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_plots_use_the_axes_given_and_leave_everything_else_alone(name):
     settings = dict(matplotlib.rcParams)
@@ -109,6 +110,7 @@ ALL_KINDS = {"EffectReport", "StabilityFunction", "Trajectory", "Tree"}
 """Bars, areas, curves and a drawing without axes; `test_axes_have_labels_and_…` says that all are saved in one way."""
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "name", [name if name in ALL_KINDS else pytest.param(name, marks=pytest.mark.slow) for name in EXAMPLES]
 )
@@ -121,6 +123,7 @@ def test_fonts_in_pdf_are_truetype_and_notebooks_show_the_figure(name, tmp_path)
     assert axes._repr_html_().startswith("<figure")
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_axes_have_labels_and_the_method_an_example(name):
     axes, result = finished(name), example(name)[0]
@@ -139,6 +142,7 @@ def test_what_is_no_axes_is_refused(name):
         drawn(name, "here")
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_labels_are_inside_the_figure(name):
     """In a figure of the width of a page no text is cut off."""

@@ -72,6 +72,7 @@ def test_the_rows_hold_every_bar_of_the_table():
     assert {figure.opponent for figure in rivals.PUBLISHED} <= rows.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "answer"),
     [

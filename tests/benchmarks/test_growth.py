@@ -105,6 +105,7 @@ def pendulum():
     return measured + fresh_growth.scene("pendulum", "rk4", "towers", limit=0.0)
 
 
+@pytest.mark.slow
 def test_a_series_on_a_scene_is_measured(pendulum):
     assert [(row["route"], row["order"]) for row in pendulum] == [("auto", 1), ("towers", 1)]
     assert all(row["seconds"] > 0 and row["ready"] > 0 and row["digits"] > 14 for row in pendulum)

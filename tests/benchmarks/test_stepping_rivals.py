@@ -71,6 +71,7 @@ def plain(scene, method, f, h, steps):
 
 
 @needs_gcc
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("name", "method"), SMALL + LARGE)
 def test_the_c_programs_make_the_steps_of_the_methods(name, method):
     scene, h, steps = bs.scene(name), STEP_SIZES[name], 4
@@ -218,6 +219,7 @@ def test_curves_of_methods_fall_with_their_order():
 
 
 @pytest.mark.skipif(importlib.util.find_spec("scipy") is None, reason="scipy is not installed")
+@pytest.mark.slow
 def test_a_rival_is_measured_in_its_own_interpreter():
     curves = precision.rival_curves(Path(sys.prefix), "scipy", short(precision.problems()[0]), budget=0.0)
     assert [curve.method for curve in curves] == ["RK45", "DOP853", "LSODA", "Radau"]

@@ -173,6 +173,7 @@ def oscillator(k):
     return bs.Scene({"p": 1, "q": 1}, hamiltonian=f"p^2/2 + {k}*q^2", start={"p": [0.0], "q": [1.0]})
 
 
+@pytest.mark.slow
 def test_the_code_of_fifty_scenes_is_freed(directory):
     bs.integrate("rk4", oscillator(1000), h=0.01, steps=10, observe="energy")
     forget()  # also what other tests have made
@@ -192,6 +193,7 @@ def forget():
         cache.cache_clear()
 
 
+@pytest.mark.slow
 def test_the_engine_goes_with_the_code(directory, made):
     make, _ = made
     code = make()
@@ -207,6 +209,7 @@ def test_the_engine_goes_with_the_code(directory, made):
     assert engine() is None
 
 
+@pytest.mark.slow
 def test_a_run_keeps_its_code_while_all_else_forgets_it(directory):
     scene = oscillator(2000)
     expected = bs.integrate("rk4", scene, h=0.001, steps=200_000, save_every=None).y[:, -1]

@@ -31,6 +31,7 @@ def orbit(scene, h=0.05, steps=4000):
     return bs.integrate("gauss4", scene, h=h, steps=steps).y
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_part_that_is_followed():
     """p ↦ −p turns it the other way round: energy drifts, though method and scene are reversible by that.
 

@@ -350,6 +350,7 @@ def never_had(scene, *effects):
     return bs.load_scene(io.BytesIO(tomli_w.dumps(table).encode()))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", DECLARED)
 def test_an_effect_that_is_off_leaves_no_trace_in_the_code(name):
     scene = bs.scene(name)

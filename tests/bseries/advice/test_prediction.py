@@ -64,6 +64,7 @@ FURTHER_RUNS = [
 """Of scenes and of methods that are in `RUNS`."""
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("name", "method", "h", "steps", "finer"),
     [*RUNS, *(pytest.param(*run, marks=pytest.mark.slow) for run in FURTHER_RUNS)],
@@ -119,6 +120,7 @@ def test_energies_near_zero_are_no_measure_of_an_orbit():
     assert found.solution.value == pytest.approx(real[1], rel=0.1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("method", "h"), [("stormer-verlet", 0.02), ("gauss2", 0.02), ("rk4", 0.01)])
 def test_energy_errors_of_atoms_are_known_though_their_paths_are_not(method, h):
     atoms, steps = bs.scene("lennard-jones"), round(100 / h)

@@ -76,6 +76,7 @@ def residuals(method, order):
     return found
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("entry", BY_TREES, ids=lambda entry: entry.name)
 def test_catalogue_orders_hold_and_end_there(entry):
     method = bs.method(entry.name, **dict.fromkeys(entry.parameters, "2/7"))

@@ -26,6 +26,7 @@ def flow_of_part(color, time, order):
     return bs.BSeries.from_rule(rule, order, colors=2, names=("p", "q"))
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("name", ["rk4", "gauss2", "lobatto-iiic3", "stormer-verlet", "lobatto-iiia-iiib3", "sdirk2"])
 def test_tableaux_and_their_programs_agree(execution, name):
     method = bs.method(name)

@@ -191,6 +191,7 @@ def bisected(tableau):
     return low
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", [n for n in NUMERIC if "lobatto" not in n or n[-1] in "23"])
 def test_ssp_coefficients_by_bisection(name):
     assert ssp_coefficient(method(name)) == pytest.approx(bisected(method(name)), abs=1e-4)

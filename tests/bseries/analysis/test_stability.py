@@ -355,6 +355,7 @@ def test_chebyshev_polynomials_touch_one_and_stay(s):
     assert s == 1 or real_stability_interval(above) < 2 * s**2 - 1
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(
     "name", [n for n in NUMERIC if n not in A_STABLE and not n.startswith(("gauss", "rad", "lob"))]
 )

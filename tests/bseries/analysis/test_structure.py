@@ -279,6 +279,7 @@ UNDECIDED = [("cubic", c, n) for c in RESTRICTED for n in range(6)]  # on all tr
 SLOW = [("cubic", "one", 5), ("volume", "one", 5), ("volume", "separable", 5), ("volume", "nystrom", 5)]
 
 
+@pytest.mark.few(24)
 @pytest.mark.parametrize(
     ("kind", "coloring", "n"),
     [(kind, *case) for kind in CONDITIONS for case in CASES if (kind, *case) not in UNDECIDED + SLOW],

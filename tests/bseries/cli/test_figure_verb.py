@@ -115,6 +115,7 @@ def test_list_needs_nothing_heavy():
 
 
 @pytest.mark.usefixtures("two_figures")
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ending", ["png", "pdf"])
 def test_all(answer, tmp_path, two_figures, ending):
     folder, data = tmp_path / "gallery", tmp_path / "numbers"

@@ -286,6 +286,7 @@ LATEX_CALLS = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("call", LATEX_CALLS)
 def test_latex_is_well_formed(answer, call):
     from matplotlib.mathtext import MathTextParser

@@ -21,6 +21,7 @@ VERBS = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_picture_is_written_beside_the_answer(verb, answer, tmp_path):
     path = tmp_path / "plot.pdf"

@@ -488,6 +488,7 @@ def test_generated_numpy(kind, order, stages, options):
     assert len(executed(conditions.code("numpy", jacobian=False))) == 1
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(("language", "program"), [("c", "gcc"), ("julia", "julia")])
 @pytest.mark.parametrize(("kind", "order", "stages", "options"), CASES)
 def test_generated_code(kind, order, stages, options, language, program, tmp_path):

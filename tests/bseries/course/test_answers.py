@@ -142,6 +142,7 @@ def test_answers_that_cannot_be_read_get_a_sentence_and_take_no_time(text, remar
     assert time.process_time() - start < MOST_SECONDS
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     "formula",
     [

@@ -156,6 +156,7 @@ def test_delimiters_adapt(tex, found):
     assert documents.DELIMITER.sub(documents._stretched, tex) == found
 
 
+@pytest.mark.slow
 def test_keys_lead_from_slide_to_slide(contents, pictures, tmp_path, browser):
     path = tmp_path / "slides.html"
     path.write_bytes(html_page(contents["slides"], "Slides", "slides", pictures))

@@ -8,6 +8,7 @@ import bseries as bs
 from bseries.explorer.report import report_html
 
 pytest.importorskip("bokeh")
+pytestmark = pytest.mark.slow
 
 PICTURES = ["orbit", "error", "energy", "patch", "area", "orbits"]
 MODEL = "Bokeh.documents[0].get_model_by_name"

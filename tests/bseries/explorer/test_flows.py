@@ -77,6 +77,7 @@ def test_unresolved_curves_have_no_area():
     assert math.isnan(enclosed_area(wave, wave[::-1].copy()))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "scene",
     ["pendulum", "riccati", "lorenz", "kepler", *(pytest.param(x, marks=SLOW) for x in ("rigid-body", "henon-heiles"))],

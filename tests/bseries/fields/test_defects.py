@@ -156,6 +156,7 @@ def test_every_scene_is_tested_with_two_methods():
     assert all(tested.count(entry.name) >= 2 for entry in bs.scene_catalogue())
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(("name", "options", "method", "order"), CASES)
 def test_defects(name, options, method, order):
     chosen, short, longer = fields_of(name, options, method, order, order + 2)

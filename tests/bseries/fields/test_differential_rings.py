@@ -51,6 +51,7 @@ def ring_of(*formulas):
     return ring, *ring.elements
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("formula", FORMULAS, ids=str)
 @pytest.mark.parametrize("along", [(0, 0, 1), (1, 0), (0, 0, 0)], ids=str)
 def test_derivatives_are_those_of_sympy(formula, along):

@@ -20,6 +20,7 @@ def field(name="pendulum", method="rk4", order=6, **options):
     return bs.modified_field(bs.method(method), bs.scene(name), order, **options)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("make", "name"),
     [

@@ -33,6 +33,7 @@ def measured_order(run, time, steps, end):
     return np.log2(errors[0] / errors[1])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", [4, 6, 8])
 @pytest.mark.parametrize("name", STEPS)
 def test_the_order_is_raised(name, order, ends):

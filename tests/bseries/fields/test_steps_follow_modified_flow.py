@@ -72,6 +72,7 @@ CASES = [
 """Methods of all kinds, and the order N of the truncation: powers h^0 … h^(N−1) are kept, h^N is left out first."""
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(("name", "where", "order"), CASES)
 def test_distance_falls_with_the_first_power_left_out(name, where, order):
     made = bs.method(name)

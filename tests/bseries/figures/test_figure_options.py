@@ -39,6 +39,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("name", "options", "said"), OTHERS, ids=[name for name, _, _ in OTHERS])
 def test_figures_take_options(name, options, said):
     """The caption says what was drawn, and the picture can be drawn."""
@@ -55,6 +56,7 @@ def test_objects_and_text_are_the_same():
     assert riccati.caption(first) == riccati.caption(second)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "options"),
     [
@@ -229,6 +231,7 @@ def alike_in_grey(figure):
 SLOW = {"lennard-jones-drift": pytest.mark.slow}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in figure_names()])
 def test_pictures_can_be_read_in_grey(name):
     figure = drawn(figure_file(name), numbers_of(name))
@@ -277,6 +280,7 @@ class TestAnimations:
             *self.MOVING[:2],
         ]
 
+    @pytest.mark.few(1)
     @pytest.mark.parametrize("name", MOVING)
     def test_number_of_frames(self, name):
         """Bounded for all options; frames count from 1, and the last says that it is the last."""
@@ -291,6 +295,7 @@ class TestAnimations:
             if name != "chaos-onset":
                 assert [frame for frame, _ in steps] == list(range(2, count + 1))
 
+    @pytest.mark.slow
     def test_a_gif(self, tmp_path):
         from PIL import Image
 
@@ -309,6 +314,7 @@ class TestAnimations:
         assert path.stat().st_size < 1_000_000
         assert list(tmp_path.iterdir()) == [path]
 
+    @pytest.mark.slow
     def test_an_mp4(self, tmp_path, monkeypatch):
         pytest.importorskip("imageio_ffmpeg")
         monkeypatch.setattr(area_patch, "FINE", 2)  # fewer frames than above

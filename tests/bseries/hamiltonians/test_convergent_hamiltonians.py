@@ -49,6 +49,7 @@ def linear_step(method, scene, h):
     return np.eye(n) + h * b @ stages
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(
     ("name", "scene"),
     [
@@ -156,6 +157,7 @@ def test_the_step_in_two_ways(name):
     assert all(sympy.simplify(a - b) == 0 for a, b in zip(one.entries, other.entries, strict=True))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "radius"),
     [

@@ -400,6 +400,7 @@ def test_an_orbit_that_is_much_faster_than_at_its_start():
     assert abs(orbit.period / (4 * quarter) - 1) < 1e-9
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("y0", [[0.0, 1.0], [1.0, 1.0]])
 @pytest.mark.parametrize("power", [-30, -4, 0, 4, 6, 8, 10, 30])
 def test_an_orbit_is_found_in_any_unit_of_time(power, y0):

@@ -145,6 +145,7 @@ def test_towers_keep_the_constant_too():
 
 
 @pytest.mark.parametrize("name", ["pendulum", *(pytest.param(x, marks=pytest.mark.slow) for x in [*LIFTED][1:])])
+@pytest.mark.slow
 def test_compiled_towers_keep_it(name):
     """Each is a function of numba, which keeps none of its machine code."""
     energy, y0 = modified(name, "trees")._energy, LIFTED[name].y0

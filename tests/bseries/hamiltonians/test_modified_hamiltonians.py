@@ -168,6 +168,7 @@ def slope(H, y, direction):
         return (H.precise(ahead, "1/10", 40) - H.precise(behind, "1/10", 40)) / (2 * step)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("method", "scene", "order"),
     [

@@ -93,6 +93,7 @@ def halves(a, b):
     return (0.5 * a, 0.5 * b) if a < b else (0.5 * b, 0.5 * a)
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("function", [loops, branches, swaps, calls])
 @pytest.mark.parametrize(("h", "n"), [(0.3, 4), (-0.75, 2), (0.1, 3), (2.5, 1), (-1e-3, 9)])
 def test_lowered_functions_are_those_of_python(function, h, n):

@@ -143,6 +143,7 @@ def test_machine_code_is_found_by_the_next_process(directory):
     assert finish(start(directory)) == (name, 1, 0)
 
 
+@pytest.mark.slow
 def test_processes_at_once(directory):
     results = [finish(process) for process in [start(directory) for _ in range(2)]]
     assert len({name for name, *_ in results}) == 1

@@ -42,6 +42,7 @@ def test_every_pair_of_sites_has_a_lane(n):
         assert [set(ring.rows[lane]) for lane in lanes] == [{site, (site + distance) % n} for site in range(n)]
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("formula", FORCES.values(), ids=FORCES)
 @pytest.mark.parametrize("n", [3, 4, 5, *map(slow, (6, 7, 8, 9, 12, 15)), 16, 17])
 def test_forces_are_those_of_the_scene(n, formula):
@@ -67,6 +68,7 @@ def test_what_both_sites_are_given_may_be_equal_or_differ():
         np.testing.assert_allclose(state.y - before, slope, rtol=1e-12, atol=1e-13 * abs(slope).max())
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("formula", FORCES.values(), ids=FORCES)
 @pytest.mark.parametrize("n", [4, 5, *map(slow, (9, 16)), 17])
 def test_energies_are_those_of_the_scene(n, formula):

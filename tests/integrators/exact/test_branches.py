@@ -138,6 +138,7 @@ def test_runs_across_a_kink():
     assert force == pytest.approx(2 * (np.append(0, gap) - np.append(gap, 0)), abs=1e-15)
 
 
+@pytest.mark.slow
 def test_error_functions_are_smooth():
     scene = bs.parse_hamiltonian("p^2/2 + q*erf(q)", start="p=0; q=1")
     H = [bs.modified_hamiltonian("stormer-verlet", scene, 5, route=route) for route in ("trees", "brackets")]

@@ -48,6 +48,7 @@ def measured_order(made, name):
     return np.log2(errors[-2] / errors[-1])
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize(("entry", "stages", "name", "order"), [*cases.claims()])
 def test_measured_order_is_not_below_the_claim(entry, stages, name, order):
     assert measured_order(cases.built(entry, stages), name) > order - 0.1

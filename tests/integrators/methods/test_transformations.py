@@ -46,6 +46,7 @@ def same(first, second):
     return coefficients(first) == coefficients(second)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", CASES)
 def test_composition_is_one_step_after_another(name):
     case = CASES[name]
@@ -57,6 +58,7 @@ def test_composition_is_one_step_after_another(name):
     assert not same(expected, turned)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", CASES)
 def test_adjoint_undoes_a_step_backwards(name):
     case = CASES[name]

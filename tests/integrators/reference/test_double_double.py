@@ -173,6 +173,7 @@ RANGES = [
 ]
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize(("name", "draw"), RANGES, ids=[f"{k}-{name}" for k, (name, _) in enumerate(RANGES)])
 def test_elementary_functions(name, draw):
     source, function = np.random.default_rng(5), getattr(dd, name)

@@ -114,6 +114,7 @@ def slope(coarse, fine):
     return mpmath.log(coarse / fine, 2)
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize(("entry", "stages", "order"), [*claimed_methods()])
 def test_local_error_has_the_claimed_order(entry, stages, order):
     made = built(entry, stages)

@@ -284,6 +284,7 @@ def test_costs_are_measured_without_formulas():
     assert "scene must be given by formulas" in str(expected)
 
 
+@pytest.mark.slow
 def test_modified_energies_of_a_compiled_function():
     scene = scene_from_function(
         {"p": lambda q: -np.sin(q), "q": lambda p: p}, [0, 1], variables={"p": 1, "q": 1}, compiled=True

@@ -162,6 +162,7 @@ def test_energies_and_forces_are_those_of_independent_code(name):
     assert built.is_hamiltonian
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("name", [name for name in SYSTEMS if name not in LARGE])
 def test_what_is_written_out_is_the_sum_of_the_terms(name):
     built = SYSTEMS[name][0]()

@@ -64,6 +64,7 @@ def catalogue():
             yield pytest.param(plain.with_effects(*plain.effects), id=f"{entry.name} with effects")
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("original", [pytest.param(EVERYTHING, id="everything"), *catalogue()])
 def test_saved_scenes_come_back(original, tmp_path):
     path = tmp_path / "scene.toml"

@@ -208,6 +208,7 @@ CASES = [
 ]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("system", "made", "h", "kind"), CASES, ids=lambda x: getattr(x, "name", None))
 def test_flows_are_those_of_plain_steps(system, made, h, kind):
     gap, steps = relative_gap(system, made, h)

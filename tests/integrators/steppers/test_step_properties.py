@@ -32,6 +32,7 @@ ELSEWHERE = {"rosenbrock", "w-method", "force gradient", "two-derivative", "cont
 """Kinds whose compiled steps are compared with thirty digits in `test_implicit_steppers` and `test_flow_steppers`."""
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize(("entry", "stages", "name", "order"), [*cases.claims(ELSEWHERE)])
 def test_steps_are_those_of_the_definition(entry, stages, name, order):
     made = cases.built(entry, stages)
@@ -106,6 +107,7 @@ ONE_WAY = [
 ]
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize(("name", "where"), SYMMETRIC)
 def test_symmetric_methods_reverse_to_rounding(name, where):
     assert return_gap(name, name, where) < 400
@@ -122,6 +124,7 @@ def test_a_run_may_turn_round(name, where):
     assert np.abs(state.y - start).max() < 400 * np.spacing(np.abs(start).max())
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("name", "where"), ONE_WAY)
 def test_adjoint_methods_reverse_to_rounding_and_only_they(name, where):
     assert return_gap(name, adjoint_method(method(name)), where) < 400
@@ -192,6 +195,7 @@ def is_rosenbrock_or_large(entry, stages):
     return entry.kind == "rosenbrock" or (stages or 0) > 2
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize(("entry", "stages"), [*named({"exponential", "w-method"}, is_long_rosenbrock)])
 def test_symplecticity_where_the_hamiltonian_is_separable(entry, stages):
     made = cases.built(entry, stages)
@@ -205,6 +209,7 @@ SLOW = {"continuous stage"}
 """Averages of this field take minutes in forty digits; they are above."""
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW, is_rosenbrock_or_large)])
 def test_symplecticity_where_it_is_not(entry, stages):
     made = cases.built(entry, stages)

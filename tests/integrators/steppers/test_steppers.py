@@ -67,6 +67,7 @@ def test_an_effect_that_is_off_leaves_no_trace_in_steps():
     assert bi.stepper("rk4", PENDULUM.with_effects("damping")).source != bi.stepper("rk4", bare).source
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("scene", "lanes"),
     [
@@ -275,6 +276,7 @@ def test_methods_for_special_systems_are_refused_elsewhere(method):
         bi.stepper(method, bi.scene("lotka-volterra"))
 
 
+@pytest.mark.slow
 def test_threads_compile_at_once(monkeypatch, tmp_path):
     """Python 3.11 confuses the syntax trees of two threads."""
     monkeypatch.setenv("BSERIES_CACHE", str(tmp_path))
