@@ -93,6 +93,7 @@ def test_observing_has_a_ratio_for_each_method():
     assert found["rk4"] > 0
 
 
+@pytest.mark.slow
 def test_memory_of_a_child():
     growth = costs.memory(1000)
     assert 30e6 < growth.imported <= growth.short <= growth.long < 1e9

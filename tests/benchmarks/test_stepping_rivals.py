@@ -71,7 +71,7 @@ def plain(scene, method, f, h, steps):
 
 
 @needs_gcc
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("name", "method"), SMALL + LARGE)
 def test_the_c_programs_make_the_steps_of_the_methods(name, method):
     scene, h, steps = bs.scene(name), STEP_SIZES[name], 4

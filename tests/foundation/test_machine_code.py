@@ -138,6 +138,7 @@ def test_what_has_no_text_is_compiled_in_memory(directory):
 LENGTHS = [0, 1, CHECKSUM - 1, CHECKSUM, CHECKSUM + 1, 0.1, 0.5, 0.9, -100, -1]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("length", LENGTHS)
 def test_a_truncated_file_is_made_anew(directory, kernels, length):
     hits(kernels.cube)
@@ -148,6 +149,7 @@ def test_a_truncated_file_is_made_anew(directory, kernels, length):
     assert len(file.read_bytes()) == pytest.approx(len(whole), rel=0.1)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("place", [0, CHECKSUM - 1, CHECKSUM, CHECKSUM + 1, 0.1, 0.3, 0.5, 0.7, 0.9, -1])
 def test_a_flipped_bit_is_noticed(directory, kernels, place):
     hits(kernels.cube)

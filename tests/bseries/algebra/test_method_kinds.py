@@ -41,6 +41,7 @@ def evaluated(series, fields, y):
     return total
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", definitions.CASES)
 def test_series_against_the_power_series_of_the_step(name):
     case = definitions.CASES[name]
@@ -50,6 +51,7 @@ def test_series_against_the_power_series_of_the_step(name):
     assert found != coefficients(case.wrong(case.fields, y))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", definitions.CASES)
 def test_trees_that_cannot_contribute_may_be_left_out(name):
     case = definitions.CASES[name]

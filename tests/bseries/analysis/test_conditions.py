@@ -80,6 +80,7 @@ def test_orders_of_splittings_by_words_are_those_by_trees(name):
 LONG = [name for name, p in SPLITTINGS.items() if int(p) >= 6 and name != "sofroniou-spaletta10"]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", [*LONG, pytest.param("sofroniou-spaletta10", marks=pytest.mark.slow)])
 def test_orders_of_long_splittings_need_no_trees(name):
     """There are 19,000 trees with eight nodes in two colours, and 50 million with twelve."""

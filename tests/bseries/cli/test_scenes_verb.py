@@ -53,6 +53,7 @@ def test_list_in_every_format(answer):
         assert all(option in text for option in ("asymmetry, damping, drive", "options: eccentricity", "also: fpu"))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("call", SCENES)
 def test_files_are_read_back(answer, tmp_path, call):
     text = answer("scenes", *SCENES[call], "--toml")
@@ -120,6 +121,7 @@ def test_tables_of_many_particles_are_short_and_their_csv_is_whole(answer):
     assert all(re.fullmatch(r"-?\d+(\.\d+)?", number) for number in starts)  # decimals, not long fractions
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("call", SCENES)
 def test_tables_for_readers_and_papers(answer, call):
     from matplotlib.mathtext import MathTextParser

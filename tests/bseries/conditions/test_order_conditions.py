@@ -409,6 +409,7 @@ CASES = [
 ]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("kind", "order", "stages", "options"), CASES)
 def test_compiled_residual_and_jacobian(kind, order, stages, options):
     conditions = bs.order_conditions(kind, order, stages=stages, **options)

@@ -98,6 +98,7 @@ SITES = {
 }
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("kind", SITES)
 @pytest.mark.parametrize("method", ["rk4", "stormer-verlet-kdk"])
 def test_sites_give_what_the_flat_formulas_give(kind, method):

@@ -270,6 +270,7 @@ def check_against_trees(method, scene, order, parts=None):
     return found
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "scene", "order"),
     [

@@ -118,6 +118,7 @@ def flow_over(H, h, dimension):
     return total
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("scene", [OSCILLATOR, SADDLE, COUPLED], ids=lambda scene: scene.name)
 @pytest.mark.parametrize("name", [*RUNGE_KUTTA, *PARTITIONED[:6]])
 def test_its_flow_is_the_step(name, scene):

@@ -147,6 +147,7 @@ SYSTEMS = [
 ]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("method", "scene", "order", "options"), SYSTEMS)
 def test_the_formulas_are_the_hamiltonian_of_the_modified_equation(method, scene, order, options):
     H = found(method, scene, order, **options)

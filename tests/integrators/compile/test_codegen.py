@@ -116,6 +116,7 @@ def check(system, y, expected):
         assert close([module.energy.py_func(y)], [energy], 1e-13)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes(name):
     system, y = SCENES[name], point(SCENES[name])
@@ -133,6 +134,7 @@ def test_observables():
     assert compiled_scene(system).energy(y) == pytest.approx(4.5 - 2 * math.cos(5) + 1 / 3, rel=1e-15)
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("name", [entry.name for entry in scene_catalogue()])
 def test_catalogue(name):
     bare = scene(name)

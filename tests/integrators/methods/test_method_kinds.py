@@ -38,6 +38,7 @@ def step(method, fields):
     return coefficients(run(method.program, fields, [number(x) for x in definitions.POINT[:dimension]]))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", CASES)
 def test_program_makes_the_step_of_the_source(name):
     case = CASES[name]

@@ -143,6 +143,7 @@ def partial_sum(series, h):
     return [sum(real(x) * h**k for k, x in enumerate(row)) for row in series]
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", CASES)
 def test_step_agrees_with_the_formulas_of_its_source(name):
     """Through h⁵, methods in general position; `wrong` misreads the source slightly."""
@@ -248,6 +249,7 @@ TABLEAUX = [
 ]
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize(("entry", "stages"), TABLEAUX)
 def test_linear_problems_show_the_stability_function(entry, stages):
     made = built(entry, stages)

@@ -53,6 +53,7 @@ def pair():
     return scene_from_function(pendulum, [1, 0.5]), scene_from_function(traced_pendulum, [1, 0.5], compiled=False)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["rk4", "dop853", "gauss2", "implicit-midpoint", "avf"])
 def test_steps_are_those_of_formulas_to_the_bit(method):
     compiled, formulas = pair()
@@ -122,6 +123,7 @@ def stiff_jacobian(t, y, mu=1000.0):
     return [[0.0, 1.0], [-2 * mu * y[0] * y[1] - 1, mu * (1 - y[0] ** 2)]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "need"),
     [("radau-iia3", "h must be small enough"), ("ros34pw2", "given by formulas for derivatives of its field")],

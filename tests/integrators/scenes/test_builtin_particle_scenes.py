@@ -147,6 +147,7 @@ def near_start(built: Scene) -> np.ndarray:
     return np.concatenate([p + spread * generator.uniform(-1, 1, half), q + 0.05 * generator.uniform(-1, 1, half)])
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_energies_and_forces_are_those_of_independent_code(name):
     build, independent = SYSTEMS[name]
@@ -198,6 +199,7 @@ def rate(formula: sympy.Expr, built: Scene, field: np.ndarray, y: np.ndarray) ->
     return abs(summands.sum()) / abs(summands).max()
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", INTEGRALS)
 def test_first_integrals_are_constant_along_the_field(name):
     built = SYSTEMS[name][0]()

@@ -90,6 +90,7 @@ def added_up(scene, terms, point):
     return total
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_local_terms_are_the_flat_field(scene):
     point = rational_point(scene)

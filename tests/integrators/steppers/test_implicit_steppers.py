@@ -112,7 +112,7 @@ CASES = [
 ]
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(6)
 @pytest.mark.parametrize(("name", "where", "solver"), CASES)
 def test_steps_are_those_of_the_definition(name, where, solver):
     chosen = made(name)

@@ -32,7 +32,7 @@ ELSEWHERE = {"rosenbrock", "w-method", "force gradient", "two-derivative", "cont
 """Kinds whose compiled steps are compared with thirty digits in `test_implicit_steppers` and `test_flow_steppers`."""
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(10)
 @pytest.mark.parametrize(("entry", "stages", "name", "order"), [*cases.claims(ELSEWHERE)])
 def test_steps_are_those_of_the_definition(entry, stages, name, order):
     made = cases.built(entry, stages)
@@ -209,7 +209,7 @@ SLOW = {"continuous stage"}
 """Averages of this field take minutes in forty digits; they are above."""
 
 
-@pytest.mark.few(14)
+@pytest.mark.few(8)
 @pytest.mark.parametrize(("entry", "stages"), [*named(SPECIAL | SLOW, is_rosenbrock_or_large)])
 def test_symplecticity_where_it_is_not(entry, stages):
     made = cases.built(entry, stages)

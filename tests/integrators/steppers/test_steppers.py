@@ -90,6 +90,7 @@ def test_sums_in_lanes_are_those_of_the_scene(scene, lanes):
     np.testing.assert_allclose(state.y, before + slope, rtol=1e-13, atol=1e-13 * abs(slope).max())
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     "method", ["rk4", "gauss2", "gauss8", "radau-iia2", "rodas4", "avf", "takahashi-imada", "tdrk5"]
 )
