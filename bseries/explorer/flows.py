@@ -24,8 +24,9 @@ from integrators.scenes.scene import Scene
 
 OSCILLATION = 2.0
 """The largest h is this over the size of the Jacobian at the start: where Störmer–Verlet becomes unstable."""
-RESOLVED = 1e-3
-"""Of a resolved curve, coefficients in the upper third of frequencies are as much smaller than the largest."""
+RESOLVED, DRAWN = 1e-3, 0.03
+"""Coefficients in the upper third of frequencies are as much smaller than the largest in curves that are resolved well
+enough for their area, and for a picture."""
 
 
 class Plane(NamedTuple):
@@ -94,12 +95,17 @@ def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
         >>> round(enclosed_area(3 * np.sin(angle), np.cos(angle)) / np.pi, 12)
         -3.0
     """
-    waves = np.fft.rfft([form, q])
-    sizes = abs(waves[:, 1:])
-    if not (sizes[:, 2 * sizes.shape[1] // 3 :].max() <= RESOLVED * sizes.max()):
+    if not is_resolved(np.array([form, q]), RESOLVED):
         return math.nan
-    slope = np.fft.irfft(1j * np.arange(waves.shape[1]) * waves[1], n=len(q))
+    wave = np.fft.rfft(q)
+    slope = np.fft.irfft(1j * np.arange(len(wave)) * wave, n=len(q))
     return float(2 * math.pi * np.mean(form * slope))
+
+
+def is_resolved(curves: np.ndarray, tail: float) -> bool:
+    """Whether high frequencies of closed curves, (curves, points), are as much smaller than the largest."""
+    sizes = abs(np.fft.rfft(curves)[:, 1:])
+    return bool(sizes[:, 2 * sizes.shape[1] // 3 :].max() <= tail * sizes.max())
 
 
 def largest_step(jacobian: np.ndarray) -> float:
@@ -124,7 +130,7 @@ PATCHES, CIRCLE, RADIUS = 5, 48, 0.1
 LENGTHS = {"curve": SAMPLES + 1, "patch": (PATCHES + 1) * (CIRCLE + 2), "area": PATCHES + 1}
 NOTHING: View = {part: defaultdict(partial(np.full, length, np.nan)) for part, length in LENGTHS.items()}
 """Instead of a flow that does not exist."""
-ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 400, 2_000, 200
+ORBITS, ORBIT_STEPS, SECTION_STEPS, MOST_CROSSINGS = 12, 250, 2_000, 200
 NEAR = 4.0
 """Points of orbits that escape are drawn up to this many times the start."""
 
@@ -361,8 +367,9 @@ class SceneFlows:
         if self.plane.conjugate is None:
             x = y = nowhere
         else:
-            gap = nowhere[:, None, :1]
-            x, y = (np.hstack([z, z[:, :1], gap[:, 0]]) for z in (moved[:, i] for i in self.plane.conjugate))
+            shown = moved[:, list(self.plane.conjugate)]
+            shown[[not is_resolved(curve, DRAWN) for curve in shown]] = np.nan
+            x, y = (np.hstack([z, z[:, :1], nowhere[:, :1]]) for z in shown.swapaxes(0, 1))
         areas = np.array([self._area(curve) for curve in moved])
         return {"patch": {"x": x.ravel(), "y": y.ravel()}, "area": {"t": times, "area": areas / areas[0]}}
 

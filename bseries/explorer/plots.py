@@ -62,7 +62,7 @@ def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
         radius = float(shapes.axis[-1])
         picture.x_range.update(start=-radius, end=radius)
         picture.y_range.update(start=-radius, end=radius)
-        picture.match_aspect = True
+        picture.update(sizing_mode="scale_width", aspect_ratio=1.0, max_width=400)
         picture.contour(shapes.axis, shapes.axis, values, levels=levels, fill_color=[ORANGE], line_color=[BLACK] * 2)
         for dimension in ("width", "height"):
             picture.add_layout(models.Span(location=0, dimension=dimension, line_color=GREY))
@@ -197,7 +197,7 @@ def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, 
         yield "area", area
     title = "Many orbits" if scene.section is None else f"Many orbits at {scene.section} = 0"
     orbits = _figure(title, *scene.orbit_axes)
-    orbits.scatter("x", "y", source=sources["orbits"], size=2, color=BLUE)
+    orbits.scatter("x", "y", source=sources["orbits"], size=2, color=BLUE, line_color=None)
     yield "orbits", orbits
 
 
@@ -235,6 +235,9 @@ def _figure(title: str, x: str, y: str, **options: Any) -> Any:
         tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll=None, **options,
     )  # fmt: skip
     picture.x_range.syncable = picture.y_range.syncable = False
+    picture.axis.minor_tick_line_color = None
+    for axis in picture.axis:
+        axis.ticker.desired_num_ticks = 4
     picture.toolbar.logo = None
     picture.toolbar.autohide = True
     return picture
@@ -265,8 +268,9 @@ def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any
         notes.append("The method has no modified Hamiltonian on this scene: H̃ is shown for one term only, as H.")
     elif scene.energy_terms < scene.terms:
         notes.append(f"The modified Hamiltonian ends: H̃ is shown for up to {scene.energy_terms} terms.")
-    if scene.area:
-        notes.append(f"The area is {scene.area}; it is left out where the boundary is too long for its points.")
+    if scene.patch_axes is not None:
+        area = f"The area of a patch is {scene.area}. " if scene.area else ""
+        notes.append(f"{area}Patches are left out where their boundaries are too long for their points.")
     notes.append(
         "The modified equation is a truncated asymptotic series: more terms help for small h only, and where h "
         "sweeps into chaos none do."

@@ -16,7 +16,7 @@ from bseries.exceptions import SeriesError
 from bseries.explorer.flows import MOST_SPAN, NOTHING, SPAN, SceneFlows, SceneShape, View
 from bseries.explorer.flows import SCALES as FACTORS
 from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
-from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
+from bseries.explorer.plots import FLOWS, ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
@@ -38,8 +38,8 @@ MOST_BYTES = 2**20
 """Of a message from a browser."""
 STEPS, SCALES = 200, (*FACTORS, 0.02)
 """Of the sliders of h, and of the factor of the start."""
-CURVES, ORBITS = ("numerical", "exact", "modified"), ("orbits",)
-"""The flows that pictures compare, which are shown together, so that each picture is drawn once; and many orbits."""
+CURVES = FLOWS[:-1]
+"""The flows that pictures compare, without many orbits. All that is new is shown together: a picture is drawn once."""
 
 
 class Frame(NamedTuple):
@@ -226,25 +226,22 @@ class LivePage:
             self._is_running = False
 
     async def _update(self) -> None:
-        """Compute and show the flows; that of many orbits only for another step size, when nothing newer is wanted.
+        """Compute and show the flows; that of many orbits only for another step size.
 
         At first the numerical solution comes alone: machine code for the others may have to be compiled.
         """
         plots = self._plots
         h, scale, terms = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
-        sentence, parts = "", (CURVES, ORBITS) if self._orbits_h is not None else (CURVES[:1], CURVES, ORBITS)
-        for flows in parts:
-            if flows is ORBITS and (self._is_wanted or h == self._orbits_h):
-                return
+        flows = CURVES if h == self._orbits_h else FLOWS
+        for wanted in [flows] if self._orbits_h is not None else [CURVES[:1], flows]:
             try:
-                frame = Frame(flows, h, scale, terms)
-                numbers, said = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
+                frame = Frame(wanted, h, scale, terms)
+                numbers, sentence = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
             except SeriesError as error:
-                numbers, said = None, f"{error}."
+                numbers, sentence = None, f"{error}."
             if self._document.session_context is None:  # the page was closed meanwhile
                 return
-            sentence = said or sentence
-            self._document.add_next_tick_callback(partial(self._show, flows, numbers, sentence))
+            self._document.add_next_tick_callback(partial(self._show, wanted, numbers, sentence))
             if numbers is None:
                 return
         self._orbits_h = h

@@ -36,7 +36,7 @@ MOVE = f"""([name, pictures]) => new Promise((done, fail) => {{
     slider.value = {{
         h: slider.value === slider.end / 4 ? slider.end / 2 : slider.end / 4,
         scale: slider.value < 1 ? 1 : 1 - slider.step,
-        terms: slider.value === 6 ? 5 : 6,  // both change fields of rk4, the last also areas
+        terms: slider.value === slider.end ? slider.end - 1 : slider.end,  // both change rk4
     }}[name]
     setTimeout(() => fail(new Error(`not drawn: ${{[...waited]}}`)), 60_000)
 }})"""

@@ -72,9 +72,12 @@ def test_areas(method, scene, kept):
     assert np.allclose(example.modified(0.1, 1.0, 4)["area"]["area"], areas["numerical"], atol=1e-2)
 
 
-def test_unresolved_curves_have_no_area():
+def test_unresolved_curves_have_no_area_and_are_not_drawn():
     wave = np.random.default_rng(1).normal(size=48)
     assert math.isnan(enclosed_area(wave, wave[::-1].copy()))
+    view = flows("rk4", "kepler").numerical(0.05, 1.0)  # where angles shear patches
+    drawn = np.isfinite(view["patch"]["x"].reshape(PATCHES + 1, -1)).any(axis=1)
+    assert 0 < np.isfinite(view["area"]["area"]).sum() < drawn.sum() < len(drawn)
 
 
 @pytest.mark.few(2)
