@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
@@ -34,6 +34,8 @@ STARTS = "0,-3/2; 0,-5/2; 3/2,-pi; 5/2,-pi"
 GRID = 241
 TOP, BOTTOM, FARTHEST = 3.5, -2.8, 10.0
 """The picture shows at least these momenta, and others up to the farthest."""
+FRAMES, FILM_STEPS, FILM_SIZE = 140, 1000, 1.6
+"""Of a film: the most frames, steps, and the size of points."""
 COLOURS, MARKERS = (BLUE, GREEN, PURPLE, VERMILION), ("o", "s", "^", "D")
 
 
@@ -124,26 +126,43 @@ def caption(numbers: LargeSteps) -> str:
     )
 
 
-def draw(numbers: LargeSteps, figure: Figure) -> None:
-    """A panel for each step size."""
+def frames(numbers: LargeSteps, figure: Figure) -> Iterator[tuple[int, int]]:
+    """The first steps appear on the level curves, more and more at once."""
+    moving = draw(numbers, figure)
+    last = min(FILM_STEPS, numbers.states.shape[3] - 1)
+    counts = np.unique(np.geomspace(1, last, FRAMES).astype(int))
+    for frame, count in enumerate(counts, 1):
+        for dots, (p, q) in moving:
+            dots.set_data(q[: count + 1], p[: count + 1])
+            dots.set_markersize(FILM_SIZE)
+        yield frame, len(counts)
+
+
+def draw(numbers: LargeSteps, figure: Figure) -> list[tuple[Any, np.ndarray]]:
+    """A panel for each step size; returns the points of each orbit with its states."""
     panels = figure.subplots(2, len(numbers.h) // 2, sharex=True, sharey=True, squeeze=False)
     label_panels(panels.flat, [f"$h = {h:g}$" for h in numbers.h])
+    moving = []
     for k, axes in enumerate(panels.flat):
-        _draw_panel(axes, numbers, k)
+        moving += _draw_panel(axes, numbers, k)
         axes.set(xlabel="angle $q$", ylabel="momentum $p$")
         axes.label_outer()
     named = [line for line in panels[0, 0].lines if not str(line.get_label()).startswith("_")]
     figure.legend(handles=named, loc="outside lower center", ncols=len(named), columnspacing=1.2)
+    return moving
 
 
-def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> None:
+def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> list[tuple[Any, np.ndarray]]:
     """The level curves through the starts, and the orbits, for the k-th step size."""
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")
     axes.plot([], [], color=GREY, linewidth=0.6, label="level curves")
+    moving = []
     for (p, q), start, colour, marker in zip(numbers.states[k], numbers.starts, COLOURS, MARKERS, strict=False):
-        axes.plot(q, p, ".", color=colour, markersize=0.8, markeredgewidth=0, rasterized=True)
+        (dots,) = axes.plot(q, p, ".", color=colour, markersize=0.8, markeredgewidth=0, rasterized=True)
+        moving.append((dots, np.array([p, q])))
         key = {"color": colour, "markeredgecolor": BLACK, "markeredgewidth": 0.5, "linestyle": "none"}
         axes.plot(q[0], p[0], marker, **key, markersize=4, clip_on=False, zorder=4, label=f"$(p, q)$ = {state(start)}")
     axes.set_ylim(numbers.p[0], numbers.p[-1])
     set_angle_axis(axes)
+    return moving

@@ -157,7 +157,7 @@ def test_all(answer, tmp_path, two_figures, ending):
             ["truncation", "-o", "a.png", "--set", "terms=5/2"],
             "terms must be a whole number from 1 to 6, but was '5/2'",
         ),
-        (["riccati", "--animate", "a.gif"], "name must be a figure that moves, one of lotka-volterra, area-patch,"),
+        (["riccati", "--animate", "a.gif"], "name must be a figure that moves, one of lotka-volterra, large-steps,"),
         (["area-patch", "--animate", "a.avi"], "animate must be a file that ends in .gif or .mp4, but was 'a.avi'"),
         (["area-patch", "--animate", "no/a.gif"], "animate must be a file in a folder that is there"),
         (["area-patch", "-o", "a.png", "--set", "scene=kepler"], "scene must have two variables, but kepler has 4"),
