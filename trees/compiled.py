@@ -94,8 +94,9 @@ def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.Module
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
 
 
-LOADING, COMPILING = 0.4, 5.0
-"""Seconds that the first compiled call takes: numba's import, and machine code from the cache or compiled."""
+LOADING, COMPILING = 0.4, 2.0
+"""Seconds in the interpreter after which compiled kernels take over: numba's import takes as long; compiling takes more
+than twice as long as said, but its machine code serves all later processes."""
 ARRAYS = 0.06
 """Seconds that NumPy's import takes."""
 SMALL = 1e-3
@@ -122,8 +123,9 @@ def arrays_pay(seconds: float) -> bool:
 def compiling_pays(seconds: float) -> bool:
     """Whether compiled kernels should do the next work, for which the interpreter would need this time.
 
-    They should once the interpreter's time in this process would exceed that of the first compiled call. The process
-    then takes at most about twice as long as with the better choice from the start.
+    They should once the interpreter's time in this process would exceed that of loading them: the process then takes at
+    most about twice as long as with the better choice from the start. Where they must be compiled, which happens once,
+    it may take a few seconds more.
     """
     if "numba" in sys.modules or not has_numba():
         return has_numba()
