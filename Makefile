@@ -16,7 +16,8 @@ demo: $(INSTALLED)
 dev: $(STAMP)
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" tests foundation trees integrators bseries README.md
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --ignore tests/benchmarks \
+		tests foundation trees integrators bseries README.md
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal

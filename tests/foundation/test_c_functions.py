@@ -244,6 +244,7 @@ print(run.y[:, -1].tobytes().hex(), run.observed["energy"][-1].hex(), "numba" in
 """
 
 
+@pytest.mark.slow
 def test_a_later_process_runs_without_numba_to_the_same_bits(directory):
     lines = [
         subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()

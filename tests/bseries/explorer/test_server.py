@@ -83,6 +83,7 @@ def test_malformed_addresses(address):
     assert "heun2: order 2" in page(address, method="heun2", scene="pendulum", order="3")
 
 
+@pytest.mark.slow
 def test_requests_at_once_and_clients_that_go_away(address):
     host, port = urlsplit(address).hostname, urlsplit(address).port
     with socket.create_connection((host, port), timeout=10) as connection:

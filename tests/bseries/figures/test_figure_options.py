@@ -252,6 +252,7 @@ def test_colours_alike_in_grey_would_be_noticed():
     assert ("green", "vermilion") not in alike_in_grey(figure)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["riccati", "takahashi-imada-drift"])
 def test_fonts_are_truetype(name):
     """Printers refuse Type 3 fonts."""
