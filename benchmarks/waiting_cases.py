@@ -157,13 +157,13 @@ def names_to_check() -> list[str]:
 
 
 def slowest_checks(names: Sequence[str]) -> list[Figure]:
-    """`bseries check`, once machine code is there (the better of two processes): the slowest method of each kind."""
+    """`bseries check`, once machine code is there (the best of three processes): the slowest method of each kind."""
     slowest: dict[bool, tuple[float, str]] = {}
     with tempfile.TemporaryDirectory() as cache:
         for name in names:
             method = bs.method(name)
             is_long = method.digits is not None and len(method.program.evaluations) >= 12
-            seconds, _ = min(in_process(commanded(f"check {name}"), cache) for _ in range(2))
+            seconds, _ = min(in_process(commanded(f"check {name}"), cache) for _ in range(3))
             slowest[is_long] = max(slowest.get(is_long, (0.0, "")), (seconds, name))
     kinds = {False: (1.5, "the slowest method"), True: (3.0, "the slowest in decimals with 12 and more stages")}
     return [
