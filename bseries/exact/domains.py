@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 def exact_number(value: object, name: str = "coefficient") -> Fraction | float | sympy.Expr:
     """A number in its narrowest domain: a Fraction, a float, or a SymPy expression without floats."""
+    if type(value) is int or type(value) is Fraction:  # in less than half the time of what follows
+        return Fraction(value)
     if isinstance(value, Decimal) and value.is_finite():
         return Fraction(value)
     if isinstance(value, Rational) and not isinstance(value, bool):  # SymPy's too
