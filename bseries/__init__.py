@@ -34,11 +34,8 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = _modules[name]
     if module in ("", __name__):
-        found = _import_module(f"{module}.{name}".lstrip("."))
-    else:
-        found = getattr(_import_module(module), name)
-    globals()[name] = found  # next time it is found without a call
-    return found
+        return _import_module(f"{module}.{name}".lstrip("."))
+    return getattr(_import_module(module), name)
 
 
 def __dir__() -> list[str]:

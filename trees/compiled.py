@@ -95,8 +95,8 @@ def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.Module
 
 
 LOADING, COMPILING = 0.4, 2.0
-"""Seconds in the interpreter after which compiled kernels take over: numba's import takes as long; compiling takes more
-than twice as long as said, but its machine code serves all later processes."""
+"""Seconds in the interpreter after which compiled kernels take over: with machine code on disk, which takes as long to
+load, and without. Compiling then takes about 5 s, but serves all later processes."""
 ARRAYS = 0.06
 """Seconds that NumPy's import takes."""
 SMALL = 1e-3
@@ -124,8 +124,7 @@ def compiling_pays(seconds: float) -> bool:
     """Whether compiled kernels should do the next work, for which the interpreter would need this time.
 
     They should once the interpreter's time in this process would exceed that of loading them: the process then takes at
-    most about twice as long as with the better choice from the start. Where they must be compiled, which happens once,
-    it may take a few seconds more.
+    most about twice as long as with the better choice. The first process, which compiles them, may take longer.
     """
     if "numba" in sys.modules or not has_numba():
         return has_numba()

@@ -7,13 +7,13 @@ import importlib.metadata
 import math
 import os
 import platform
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, quantiles
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene
@@ -23,7 +23,6 @@ from integrators.steppers.stepping import stepper
 if TYPE_CHECKING:
     import numpy as np
 
-Key = TypeVar("Key", bound=Hashable)
 
 PACKAGES = ("bseries-engine", "numpy", "numba", "sympy")
 
@@ -94,14 +93,14 @@ class Work(NamedTuple):
     most_steps: int = MOST_STEPS  # of a sample; longer samples start again
 
 
-def step_costs(work: Mapping[Key, Work], *, sample: float = SAMPLE) -> dict[Key, Timing]:
+def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:
     """CPU seconds per step for several kinds of steps, compiled and warm, measured in interleaved rounds.
 
     Other load on the machine then affects one round and not one kind. After `LEAST_ROUNDS`, only kinds with a wide
     spread have further rounds. All samples begin at the same start.
     """
     runs = {name: _Run(entry, sample) for name, entry in work.items()}
-    samples: dict[Key, list[float]] = {name: [] for name in work}
+    samples: dict[str, list[float]] = {name: [] for name in work}
     for done in range(MOST_ROUNDS):
         for name, run in runs.items():
             if done < LEAST_ROUNDS or summary(samples[name]).spread > WIDE_SPREAD:

@@ -305,8 +305,8 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     def public(number: Any) -> Any:
         return from_element(number) if isinstance(number, RealAlgebraic) else number
 
-    symmetries = map(int, s.table.symmetry[ids.start : ids.stop])
-    errors = [_simple((values[at] - exact[at]) / sigma) for at, sigma in zip(ids, symmetries, strict=True)]
+    symmetry = s.table.symmetry_and_density[0]
+    errors = [_simple((values[at] - exact[at]) / int(symmetry[at])) for at in ids]
     has_symbols = any(getattr(e, "free_symbols", None) for e in errors)
     largest = None if has_symbols else public(max(map(abs, errors), default=Fraction(0)))
     return ErrorCoefficients(

@@ -27,7 +27,7 @@ import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import cached_property, lru_cache, partial, reduce
+from functools import lru_cache, partial, reduce
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -133,7 +133,7 @@ class RingValues(Values):
         """The coefficients of the first trees."""
         return RingValues(table, self.ring, self.raw[: len(table)], self.step)
 
-    @cached_property
+    @property
     def reduced(self) -> RingValues:
         """The same values in the field of fractions, without a common denominator."""
         field = self.ring.get_field()

@@ -71,7 +71,7 @@ class Values:
         """The coefficients of the trees of a smaller table, the first of the own one."""
         return type(self)(table, self.raw[: len(table)])
 
-    @cached_property
+    @property
     def reduced(self) -> Any:
         """The same values over the smallest denominators, or in a field without any."""
         return self
@@ -124,9 +124,13 @@ class RationalValues(Values):
     def __getitem__(self, at: int) -> Fraction:
         return Fraction(int(self.raw[at]), self.denominators[self.table.columns.order[at]])
 
-    @cached_property
+    @property
     def reduced(self) -> RationalValues:
         """The same values over the smallest denominators."""
+        return self._reduced
+
+    @cached_property
+    def _reduced(self) -> RationalValues:
         numerators, denominators = self.raw.copy(), [1]
         for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
             part: Any = self.raw[first:last]  # a list beyond int64

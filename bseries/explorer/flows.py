@@ -25,8 +25,8 @@ from integrators.scenes.scene import Scene
 OSCILLATION = 2.0
 """The largest h is this over the size of the Jacobian at the start: where Störmer–Verlet becomes unstable."""
 RESOLVED, DRAWN = 1e-3, 0.03
-"""Coefficients in the upper third of frequencies are as much smaller than the largest in curves that are resolved well
-enough for their area, and for a picture."""
+"""The largest Fourier coefficient in the upper third of frequencies, relative to the largest of all, of a closed curve
+whose points resolve it well enough for its area, and for a picture."""
 
 
 class Plane(NamedTuple):
@@ -103,7 +103,7 @@ def enclosed_area(form: np.ndarray, q: np.ndarray) -> float:
 
 
 def is_resolved(curves: np.ndarray, tail: float) -> bool:
-    """Whether high frequencies of closed curves, (curves, points), are as much smaller than the largest."""
+    """Whether the points of closed curves, (curves, points), resolve them: see `RESOLVED`."""
     sizes = abs(np.fft.rfft(curves)[:, 1:])
     return bool(sizes[:, 2 * sizes.shape[1] // 3 :].max() <= tail * sizes.max())
 

@@ -270,7 +270,7 @@ def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any
         notes.append(f"The modified Hamiltonian ends: H̃ is shown for up to {scene.energy_terms} terms.")
     if scene.patch_axes is not None:
         area = f"The area of a patch is {scene.area}. " if scene.area else ""
-        notes.append(f"{area}Patches are left out where their boundaries are too long for their points.")
+        notes.append(f"{area}A patch is left out where the points on its boundary do not resolve it.")
     notes.append(
         "The modified equation is a truncated asymptotic series: more terms help for small h only, and where h "
         "sweeps into chaos none do."

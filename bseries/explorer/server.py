@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import socket
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache, lru_cache, partial
@@ -16,7 +18,7 @@ from bseries.exceptions import SeriesError
 from bseries.explorer.flows import MOST_SPAN, NOTHING, SPAN, SceneFlows, SceneShape, View
 from bseries.explorer.flows import SCALES as FACTORS
 from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShapes, method_facts, region_of
-from bseries.explorer.plots import FLOWS, ScenePlots, flow_numbers, page_parts, template
+from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
@@ -38,8 +40,9 @@ MOST_BYTES = 2**20
 """Of a message from a browser."""
 STEPS, SCALES = 200, (*FACTORS, 0.02)
 """Of the sliders of h, and of the factor of the start."""
-CURVES = FLOWS[:-1]
-"""The flows that pictures compare, without many orbits. All that is new is shown together: a picture is drawn once."""
+CURVES, ORBITS = ("numerical", "exact", "modified"), ("orbits",)
+"""The flows that pictures compare, which are shown together, so that each picture is drawn once; and many orbits."""
+MOMENT = 0.06  # seconds that pictures wait for many orbits, to be shown together
 
 
 class Frame(NamedTuple):
@@ -206,6 +209,7 @@ class LivePage:
         self._document, self._workers, self._request, self._plots = document, workers, request, plots
         self._is_wanted = self._is_running = False
         self._orbits_h: float | None = None  # the step size of the orbits that are shown
+        self._orbits_seconds = math.inf  # that the answer with the last orbits took
         for slider in (plots.h, plots.scale, plots.terms):
             slider.on_change("value", lambda name, old, new: self._start())
         document.on_event("document_ready", lambda event: self._start())  # a page that loads would miss what it is told
@@ -226,21 +230,28 @@ class LivePage:
             self._is_running = False
 
     async def _update(self) -> None:
-        """Compute and show the flows; that of many orbits only for another step size.
+        """Compute and show the flows; many orbits only for another step size, and alone if they take long.
 
         At first the numerical solution comes alone: machine code for the others may have to be compiled.
         """
         plots = self._plots
         h, scale, terms = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
-        flows = CURVES if h == self._orbits_h else FLOWS
-        for wanted in [flows] if self._orbits_h is not None else [CURVES[:1], flows]:
+        everything = [(*CURVES, *ORBITS)] if self._orbits_seconds < MOMENT else [CURVES, ORBITS]
+        first, sentence = [CURVES[:1]] if self._orbits_h is None else [], ""
+        for wanted in [CURVES] if h == self._orbits_h else [*first, *everything]:
+            if wanted is ORBITS and self._is_wanted:
+                return
+            begun = time.perf_counter()
             try:
                 frame = Frame(wanted, h, scale, terms)
-                numbers, sentence = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
+                numbers, said = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
             except SeriesError as error:
-                numbers, sentence = None, f"{error}."
+                numbers, said = None, f"{error}."
             if self._document.session_context is None:  # the page was closed meanwhile
                 return
+            sentence = said or sentence
+            if "orbits" in wanted:
+                self._orbits_seconds = time.perf_counter() - begun
             self._document.add_next_tick_callback(partial(self._show, wanted, numbers, sentence))
             if numbers is None:
                 return

@@ -196,17 +196,16 @@ class GeneratedRing:
         factors = list(pairs)  # first, since it may add generators
         total, is_linear = None, True
         for a, b in factors:
-            right, size = self._current(b), 0
+            right = self._current(b)
             if isinstance(a, Element):
                 left, is_linear = self._current(a), False
-                size = len(left) * len(right)
-                parts = [left] if size <= PART * self.limit else _parts(left)
+                parts = [left] if len(left) * len(right) <= PART * self.limit else _parts(left)
             else:
                 parts = [_number(a)]
             for part in parts:
                 product = right * part
                 total = product if total is None else total + product
-                if size > self.limit and len(total) > self.limit:
+                if isinstance(a, Element) and len(total) > self.limit:
                     raise TooLarge(self.limit)
         if total is None:
             return self.zero

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from math import pi
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +70,14 @@ def fitted_factor(values: np.ndarray, shape: np.ndarray) -> float:
 def logarithmic_indices(count: int, points: int) -> np.ndarray:
     """Indices from 1 to count − 1, about equidistant in logarithmic scale."""
     return np.unique(np.geomspace(1, count - 1, points).astype(int))
+
+
+def growing(moving: Sequence[tuple[Any, np.ndarray]], counts: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Frames of a film in which points (across, upwards) of orbits appear, up to those of each index in `counts`."""
+    for frame, count in enumerate(counts, 1):
+        for dots, points in moving:
+            dots.set_data(*points[:, : count + 1])
+        yield frame, len(counts)
 
 
 def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bseries as bs
 from bseries.exceptions import SeriesError
 from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
-from bseries.figures.helpers import label_panels, reduced_angle, set_angle_axis
+from bseries.figures.helpers import growing, label_panels, logarithmic_indices, reduced_angle, set_angle_axis
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
 from bseries.figures.words import listed, name_of, power_of_h, scientific, state, subscript
 from foundation.extras import np
@@ -129,17 +129,14 @@ def caption(numbers: LargeSteps) -> str:
 def frames(numbers: LargeSteps, figure: Figure) -> Iterator[tuple[int, int]]:
     """The first steps appear on the level curves, more and more at once."""
     moving = draw(numbers, figure)
-    last = min(FILM_STEPS, numbers.states.shape[3] - 1)
-    counts = np.unique(np.geomspace(1, last, FRAMES).astype(int))
-    for frame, count in enumerate(counts, 1):
-        for dots, (p, q) in moving:
-            dots.set_data(q[: count + 1], p[: count + 1])
-            dots.set_markersize(FILM_SIZE)
-        yield frame, len(counts)
+    counts = logarithmic_indices(min(FILM_STEPS + 1, numbers.states.shape[3]), FRAMES)
+    for dots, _ in moving:
+        dots.set_markersize(FILM_SIZE)
+    return growing(moving, counts)
 
 
 def draw(numbers: LargeSteps, figure: Figure) -> list[tuple[Any, np.ndarray]]:
-    """A panel for each step size; returns the points of each orbit with its states."""
+    """A panel for each step size; returns the dots of each orbit with their coordinates."""
     panels = figure.subplots(2, len(numbers.h) // 2, sharex=True, sharey=True, squeeze=False)
     label_panels(panels.flat, [f"$h = {h:g}$" for h in numbers.h])
     moving = []
@@ -160,7 +157,7 @@ def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> list[tuple[Any, np.n
     moving = []
     for (p, q), start, colour, marker in zip(numbers.states[k], numbers.starts, COLOURS, MARKERS, strict=False):
         (dots,) = axes.plot(q, p, ".", color=colour, markersize=0.8, markeredgewidth=0, rasterized=True)
-        moving.append((dots, np.array([p, q])))
+        moving.append((dots, np.array([q, p])))
         key = {"color": colour, "markeredgecolor": BLACK, "markeredgewidth": 0.5, "linestyle": "none"}
         axes.plot(q[0], p[0], marker, **key, markersize=4, clip_on=False, zorder=4, label=f"$(p, q)$ = {state(start)}")
     axes.set_ylim(numbers.p[0], numbers.p[-1])

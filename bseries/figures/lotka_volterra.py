@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
-from bseries.figures.helpers import after_a_turn, label_panels, truncated_scene
+from bseries.figures.helpers import after_a_turn, growing, label_panels, truncated_scene
 from bseries.figures.options import read_methods, read_number, read_starts
 from bseries.figures.words import column_names, listed, name_of, power_of_h, short_names, state
 from foundation.extras import np
@@ -182,7 +182,4 @@ def frames(numbers: LotkaVolterra, figure: Figure) -> Iterator[tuple[int, int]]:
     moving = draw(numbers, figure)
     last = numbers.steps[0].shape[2] - 1
     counts = np.unique(np.linspace(0, last, min(last, MOST_FRAMES) + 1).astype(int))
-    for frame, count in enumerate(counts, 1):
-        for dots, states in moving:
-            dots.set_data(*states[:, : count + 1])
-        yield frame, len(counts)
+    return growing(moving, counts)

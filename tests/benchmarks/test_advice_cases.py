@@ -108,12 +108,10 @@ SCENES = {
 def test_recommendations_against_a_search(scene, monkeypatch):
     """With what steps cost fixed, so that only the choice is tested."""
     prices = dict(zip(SCENES[scene], (1e-7, 3e-7, 2e-7), strict=True))
-
-    def costs(work, **options):
-        return {key: always(prices, key if isinstance(key, str) else key[0]) for key in work}
-
     for module in (sweeps, recommendation):
-        monkeypatch.setattr(module, "step_costs", costs)
+        monkeypatch.setattr(
+            module, "step_costs", lambda work, **_: {key: always(prices, key.split(" ")[0]) for key in work}
+        )
     stop_the_clock(monkeypatch)
     found = bs.work_precision(SCENES[scene], scene, span=10, errors=(1e-2, 1e-5), budget=for_steps(10_000))
     judge = Judge(found.scene, found.span, ("solution",))

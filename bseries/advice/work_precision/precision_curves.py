@@ -77,13 +77,7 @@ class WorkPrecision:
         (('energy',), ['rk4'])
     """
 
-    def __init__(
-        self,
-        judge: Judge,
-        errors: tuple[float, float],
-        curves: Sequence[Curve],
-        left_out: dict[str, str],
-    ):
+    def __init__(self, judge: Judge, errors: tuple[float, float], curves: Sequence[Curve], left_out: dict[str, str]):
         self.judge, self.errors, self.curves, self.left_out = judge, errors, tuple(curves), left_out
         self.scene, self.span, self.measures = judge.scene, judge.span, judge.available
         self.machine = machine()

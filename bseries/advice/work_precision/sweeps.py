@@ -419,22 +419,17 @@ def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> 
 def timed_curves(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list[Curve]:
     """The curves of several sweeps, timed in interleaved rounds.
 
-    Iterated steps are timed for each step size. The cost of other steps does not depend on it, and the longest run is
-    timed for all.
+    Iterated steps are timed for each step size, others in the longest run: their cost does not depend on the step size.
     """
-    timed = dict[tuple[str, int], tuple[str, int]]()  # which run is timed for a run
-    work = dict[tuple[str, int], Work]()
+    timed, work = list[dict[int, str]](), dict[str, Work]()
     for candidate, rows in swept:
         counts = [steps for steps, errors in rows if errors.failure is None]
         iterates = stepper(candidate.method, judge.scene, solver=candidate.solver).iterates
-        for steps in counts:
-            chosen = steps if iterates else counts[-1]
-            timed[candidate.name, steps] = candidate.name, chosen
-            work[candidate.name, chosen] = judge.work(candidate, chosen)
+        chosen = {steps: steps if iterates else counts[-1] for steps in counts}
+        timed.append({steps: f"{candidate.name} {n}" for steps, n in chosen.items()})
+        work |= {f"{candidate.name} {n}": judge.work(candidate, n) for n in chosen.values()}
     costs = step_costs(work, sample=SAMPLE)
-    found = []
-    for candidate, rows in swept:
-        keys = [timed.get((candidate.name, steps)) for steps, _ in rows]
-        cells = zip(rows, keys, strict=True)
-        found.append(Curve(candidate, tuple(Row(judge.span / n, n, key and costs[key], e) for (n, e), key in cells)))
-    return found
+    return [
+        Curve(candidate, tuple(Row(judge.span / n, n, costs.get(keys.get(n, "")), e) for n, e in rows))
+        for (candidate, rows), keys in zip(swept, timed, strict=True)
+    ]
