@@ -24,7 +24,7 @@ import pickle
 import stat
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -214,6 +214,8 @@ class ObjectCode(NamedTuple):
 
     symbols: Sequence[str]  # the functions of the C library that it calls
     content: bytes  # an object file
+    is_lasting: bool = True  # whether it refers to nothing of this process
+    objects: Mapping[str, object] = {}  # the objects of Python to which its global pointers refer, by their names
 
 
 FUNCTION = "function"
@@ -226,11 +228,8 @@ class MachineCode:
         address: The address of the function.
     """
 
-    def __init__(self, code: ObjectCode | int):
-        """Load object code, or take the address of code that stays in memory."""
-        self.address = code if isinstance(code, int) else self._loaded(code)
-
-    def _loaded(self, code: ObjectCode) -> int:
+    def __init__(self, code: ObjectCode):
+        """Load object code."""
         from llvmlite import binding
 
         binding.initialize_native_target()
@@ -241,10 +240,12 @@ class MachineCode:
         self._loader = binding.create_mcjit_compiler(binding.parse_assembly(""), target)  # one for each can be freed
         self._loader.add_object_file(binding.ObjectFileRef.from_data(code.content))
         self._loader.finalize_object()
-        address = self._loader.get_function_address(FUNCTION)
-        if not address:
+        self.address: int = self._loader.get_function_address(FUNCTION)
+        if not self.address:
             raise AttributeError(FUNCTION)
-        return address
+        self._objects = code.objects
+        for name, value in code.objects.items():
+            ctypes.c_void_p.from_address(self._loader.get_global_value_address(name)).value = id(value)
 
     def function(self, prototype: Any) -> Any:
         """The function for calls from Python, of a type made by `ctypes.CFUNCTYPE`; it keeps the machine code."""
@@ -264,12 +265,12 @@ def c_address(symbol: str) -> int:
     return ctypes.cast(getattr(library, symbol), ctypes.c_void_p).value or 0
 
 
-def c_function(key: str, make: Callable[[], ObjectCode | int]) -> MachineCode:
+def c_function(key: str, make: Callable[[], ObjectCode]) -> MachineCode:
     """Load the machine code of a C function from the cache, without numba, or compile and keep it.
 
     Args:
         key: A name for the function, its source, and all sources on which its code depends.
-        make: Compiles the function. An address instead of object code means that the code refers to this process.
+        make: Compiles the function.
     """
     path = _object_path(key)
     content = _read(path)
@@ -282,7 +283,7 @@ def c_function(key: str, make: Callable[[], ObjectCode | int]) -> MachineCode:
         made = make()
     finally:
         _compiling.discard(key)
-    if path is not None and isinstance(made, ObjectCode):
+    if path is not None and made.is_lasting:
         _keep(path, " ".join(made.symbols).encode() + b"\n" + made.content)
     return MachineCode(made)
 

@@ -11,15 +11,16 @@ import dis
 import math
 import re
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import pairwise
 from types import FunctionType
 from typing import Any, NoReturn, cast
-from weakref import WeakKeyDictionary
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from foundation.extras import optional_module
+from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -29,7 +30,7 @@ from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
-_DISPATCHERS: WeakKeyDictionary[FunctionType, Any] = WeakKeyDictionary()
+_DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
 
 SOURCE = '''\
@@ -80,17 +81,18 @@ def black_box(
 
 
 def dispatcher_of(function: Any) -> Any:
-    """The function as one of numba; the same one for the same function."""
+    """The function as one of numba; the same one for functions with the same text and frozen values."""
     numba = optional_module("numba", "a function without formulas")
     if hasattr(function, "py_func") and hasattr(function, "get_call_template"):  # made by numba's decorators
         return function
     if not isinstance(function, FunctionType):
         raise IntegratorError(f"function must be made by def or lambda to be compiled, but was {shown(function)}")
-    found = _DISPATCHERS.get(function)
+    key = function_key(function)
+    found = _DISPATCHERS.get(key)
     if found is None:
         from integrators.compile.machine import OPTIONS
 
-        found = _DISPATCHERS[function] = numba.njit(**OPTIONS)(_with_tuples(function))
+        found = _DISPATCHERS[key] = numba.njit(**OPTIONS)(_with_tuples(function))
     return found
 
 

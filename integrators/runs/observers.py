@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from textwrap import indent
 from typing import Any
 
 import numpy as np
 
 from foundation.machine_code import MachineCode
 from integrators.compile.c_functions import OBSERVER, c_function, data
-from integrators.compile.modules import load_module
+from integrators.compile.function_keys import function_key
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import SiteSum, energy_lines
 from integrators.core.errors import IntegratorError, shorten
@@ -33,24 +33,16 @@ from integrators.compile.machine import in_c, stack
 {constants}
 '''
 
-FUNCTIONS = '''\
-"""An observer that calls compiled functions."""
-
-from numba import carray, cfunc
-from integrators.compile.c_functions import OBSERVER
-from integrators.compile.machine import OPTIONS, call_observer, signature_of
+UNWRITTEN = np.uint64(0x7FF8_0000_0B5E_27ED)
+"""The bits of the nan that stands for a value until a function has given it."""
 
 
-def bound({arguments}):
-    """The observer, for these functions."""
+@dataclass(frozen=True)
+class UserFunction:
+    """A function of the user, equal to others with the same machine code."""
 
-    @cfunc(signature_of(OBSERVER), **OPTIONS)
-    def observe(t, y, out):
-        state = carray(y, {dimension})
-{body}
-
-    return observe
-'''
+    key: Hashable
+    function: Any = field(compare=False)
 
 
 class Observers:
@@ -70,8 +62,8 @@ class Observers:
         return len(self.names)
 
     def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
-        """The quantities at a time and a state, (names,)."""
-        state, out = np.array(y, dtype=float), np.empty(len(self))
+        """The quantities at a time and a state, (names,); nan for functions that raise an error."""
+        state, out = np.array(y, dtype=float), np.full(len(self), UNWRITTEN).view(float)
         if self.address:
             OBSERVER(self.address)(t, data(state), data(out))
         return out
@@ -85,20 +77,24 @@ class Observers:
         return self._codes[-1].address if self.names else 0
 
     @cached_property
-    def _codes(self) -> tuple[Any, ...]:
-        return _c_functions(self.scene, self.names, self._quantities)
+    def _codes(self) -> tuple[MachineCode, ...]:
+        quantities = (x if isinstance(x, str) else UserFunction(function_key(x), x) for x in self._quantities)
+        return _c_functions(self.scene, self.names, tuple(quantities))
 
     def check(self, t: float, y: np.ndarray) -> None:
         """Call the functions of the user once, since the C function cannot raise; refuse those that do."""
-        for name, quantity in zip(self.names, self._quantities, strict=True):
-            if not isinstance(quantity, str):
-                try:
-                    _compiled(name, quantity)(t, y)
-                except Exception as error:
-                    what = shorten(f"{type(error).__name__}: {error}")
-                    raise IntegratorError(
-                        f"observe must have functions with a value at the start, but {name} raised {what}"
-                    ) from None
+        for k in np.flatnonzero(self(t, y).view(np.uint64) == UNWRITTEN):
+            function: Any = self._quantities[k]
+            try:
+                with np.errstate(all="ignore"):
+                    getattr(function, "py_func", function)(t, y)
+            except Exception as error:
+                what = shorten(f"{type(error).__name__}: {error}")
+            else:
+                what = "an error"
+            raise IntegratorError(
+                f"observe must have functions with a value at the start, but {self.names[k]} raised {what}"
+            )
 
 
 def observers(scene: Scene, observe: Any) -> Observers:
@@ -112,15 +108,17 @@ def observers(scene: Scene, observe: Any) -> Observers:
             what = "was there twice" if name in quantities else "is a variable"
             raise IntegratorError(f"observe must have names of their own, but {shorten(name)} {what}")
         quantities[name] = quantity
-    for name, quantity in quantities.items():
-        if not isinstance(quantity, str):
-            _compiled(name, quantity)
-        elif quantity not in (known := [*[ENERGY] * (_with_energy(scene) is not None), *_base(scene).invariants]):
+    formulas = [quantity for quantity in quantities.values() if isinstance(quantity, str)]
+    for quantity in formulas:
+        if quantity not in (known := [*[ENERGY] * (_with_energy(scene) is not None), *_base(scene).invariants]):
             those, one = shorten(", ".join(known) or "it has none"), shorten(quantity)
             raise IntegratorError(
                 f"observe must hold functions, or quantities of {scene.name} ({those}), but one was {one!r}"
             )
-    return Observers(scene, quantities)
+    made = Observers(scene, quantities)
+    if len(formulas) < len(quantities):
+        _ = made.address  # refused here if numba cannot compile it
+    return made
 
 
 def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
@@ -159,18 +157,16 @@ def _with_energy(scene: Scene) -> Scene | None:
 
 
 @lru_cache(maxsize=64)
-def _c_functions(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> tuple[Any, ...]:
+def _c_functions(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> tuple[MachineCode, ...]:
     """The C function, after those that it calls; the machine code of formulas is kept on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
-    functions = {k: _compiled(names[k], f) for k, f in enumerate(quantities) if not isinstance(f, str)}
+    functions = {k: (names[k], x.function) for k, x in enumerate(quantities) if not isinstance(x, str)}
     codes = (_formulas(scene, formulas),) if formulas else ()
     if not functions:
         return codes
-    lines = [*(f"out[{k}] = f{k}(t, state)" for k in functions), *["call_observer(formulas, t, y, out)"] * len(codes)]
-    arguments = {f"f{k}": function for k, function in functions.items()} | {"formulas": codes and codes[0].address}
-    body = indent("\n".join(lines), " " * 8)
-    text = FUNCTIONS.format(arguments=", ".join(arguments), dimension=scene.dimension, body=body)
-    return *codes, load_module(text, keep=False).bound(**arguments)
+    from integrators.compile.user_functions import observer_code  # loads numba
+
+    return *codes, observer_code(functions, scene.dimension, codes[0].address if codes else 0)
 
 
 def _formulas(scene: Scene, quantities: Mapping[int, str]) -> MachineCode:
@@ -188,29 +184,3 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> MachineCode:
     lines += total.lines({k: f"out[{k}] =" for k in integrals}, writer)
     writer.function("observe(t, y, out)", "Put the quantities in out.", lines, "@in_c(OBSERVER)")
     return c_function(writer.source(scene, FORMULAS), "observe")
-
-
-@lru_cache(maxsize=256)
-def _compiled(name: str, function: Any) -> Any:
-    """Compile a function of (t, y), with y read-only; refused unless its value is a number."""
-    import numba
-    from numba import types
-    from numba.core.errors import NumbaError
-
-    jit: Any = numba.jit
-    state = types.Array(types.float64, 1, "C", readonly=True)
-    options = getattr(function, "targetoptions", {"nopython": True, "error_model": "numpy"})
-    try:
-        compiled = jit([(types.float64, state)], **{**options, "nogil": True})(getattr(function, "py_func", function))
-    except (NumbaError, TypeError, AttributeError, ValueError) as error:
-        reason = " ".join(line.strip() for line in str(error).splitlines() if line.strip())
-        raise IntegratorError(
-            f"observe must have functions of (t, y) that numba can compile, but {shorten(name)} was not: "
-            f"{shorten(reason, 300)}"
-        ) from None
-    value = compiled.nopython_signatures[0].return_type
-    if not isinstance(value, types.Float | types.Integer | types.Boolean):
-        raise IntegratorError(
-            f"observe must have functions whose value is a number, but that of {shorten(name)} is {value}"
-        )
-    return compiled

@@ -151,9 +151,10 @@ def test_where_nothing_can_be_written_code_stays_in_memory(tmp_path, made, monke
     assert calls == [0, 1]
 
 
-def test_code_that_refers_to_this_process_is_not_kept(directory):
-    code = c_function("here", lambda: c_address("cos"))
-    assert code.function(SINE)(0.0) == 1.0
+def test_code_that_refers_to_this_process_is_not_kept(directory, made):
+    make, _ = made
+    code = c_function("here", lambda: make()._replace(is_lasting=False))
+    assert code.function(SINE)(1.0) == 2 * np.sin(1.0)
     assert not directory.exists()
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from functools import cache
-from itertools import count
+from collections.abc import Callable
+from functools import cache, partial
 from types import MethodType
 from typing import Any
 
@@ -14,13 +14,12 @@ from numba.core.callconv import create_error_model
 from numba.core.codegen import AOTCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Flags
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 
 from foundation.machine_code import FUNCTION, ObjectCode, c_address
 from integrators.compile.lowering.units import Unit
-
-_NUMBERS = count()
 
 
 class _Codegen(JITCPUCodegen):
@@ -51,19 +50,20 @@ def _codegen() -> Any:
     return _Codegen("objects")
 
 
-@global_compiler_lock
-def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode | int:
+def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode:
     """Compile a generated function to a C function.
 
     Args:
         function: The function; its source must be available.
         signature: Numba's types of the result and of the arguments.
         **options: Options of numba.
-
-    Returns:
-        The object code. If it calls more than the C library, as functions of the user do, the code stays in memory, as
-        numba's does, and its address is returned.
     """
+    return written_code(partial(_write, function, signature), function.__name__, **options)
+
+
+@global_compiler_lock
+def written_code(write: Callable[[Unit], None], name: str, **options: Any) -> ObjectCode:
+    """Compile the C function `FUNCTION` that `write` puts into an empty module, with options of numba."""
     typing: Any = cpu_target.typing_context
     target: Any = cpu_target.target_context
     flags = Flags()
@@ -74,19 +74,20 @@ def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode | i
     context = target.subtarget(
         _internal_codegen=_codegen(), enable_nrt=True, error_model=model, fastmath=flags.fastmath
     )
-    library = _codegen().create_library(function.__name__)
-    module = library.create_ir_module(function.__name__)
+    library = _codegen().create_library(name)
+    module = library.create_ir_module(name)
     with ConfigStack().enter(flags), context.push_code_library(library):
-        _write(function, signature, Unit(context, typing, module))
+        write(Unit(context, typing, module))
         context.post_lowering(module, library)
     library.add_ir_module(module)
     library.finalize()
-    made = library.get_function(FUNCTION)
-    symbols = None if library.has_dynamic_globals else _symbols(made.module)
+    made = library.get_function(FUNCTION).module
+    symbols = None if library.has_dynamic_globals else _symbols(made)
     if symbols is not None:
         return ObjectCode(symbols, library.emit_native_object())
-    made.name = f"{FUNCTION}.{next(_NUMBERS)}"
-    return target.codegen().unserialize_library(library.serialize_using_bitcode()).get_pointer_to_function(made.name)
+    names = [variable.name for variable in made.global_variables]
+    objects = {name: value for name in names if (value := lookup_environment(name)) is not None}
+    return ObjectCode((), library.emit_native_object(), is_lasting=False, objects=objects)
 
 
 def _write(function: Any, signature: Any, unit: Unit) -> None:
@@ -101,7 +102,7 @@ def _write(function: Any, signature: Any, unit: Unit) -> None:
 
 
 def _symbols(module: Any) -> list[str] | None:
-    """The functions of the C library that a module calls; None if it needs more."""
+    """The functions of the C library that a module calls; None if it needs more, as functions of the user do."""
     if any(variable.is_declaration for variable in module.global_variables):
         return None
     found = set()

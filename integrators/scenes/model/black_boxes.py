@@ -32,8 +32,8 @@ class BoxArgument(NamedTuple):
 class BlackBox(sympy.Atom):
     """A function compiled by numba, as a constant in formulas.
 
-    Two are equal if they are the same function, called with the same arguments: numba freezes the values of closures
-    and of global names, which its text does not show.
+    Two are equal if they are the same function of numba, called with the same arguments. Functions of the user with the
+    same text and the same frozen values share one, see `integrators.compile.function_keys`.
     """
 
     function: Any  # the function, as a dispatcher of numba

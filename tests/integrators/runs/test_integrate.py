@@ -512,7 +512,6 @@ def test_a_folder_is_no_file(tmp_path):
         integrate("rk4", PENDULUM, h=0.1, steps=3, to=tmp_path)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_observers_that_fail_leave_nan():
     def late(t, y):
         if t > 0.25:
