@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,16 @@ def missing_package(package: str, user: str, error: ImportError) -> MissingPacka
         return MissingPackage(f"{package} must be installed for {user}, but is missing ({error})")
     command = f"pip install '.[{EXTRAS[package]}]' in the clone of bseries-engine"
     return MissingPackage(f"{user} needs {package}: {command} ({error})")
+
+
+def loaded_module(module: str) -> Any:
+    """A module that has been imported, else None; while another thread imports it, `sys.modules` has a part of it.
+
+    Example:
+        >>> loaded_module("math").pi, loaded_module("turtle")
+        (3.141592653589793, None)
+    """
+    return None if sys.modules.get(module) is None else import_module(module)  # waits until it is complete
 
 
 class LateModule:

@@ -7,7 +7,6 @@ with the last user of a function.
 from __future__ import annotations
 
 import ctypes
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from foundation import machine_code
+from foundation.forks import MODULES
 from foundation.machine_code import MachineCode
 from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module, module_name
@@ -35,7 +35,6 @@ REPEATED: Any = ctypes.CFUNCTYPE(
 """See `integrators.steppers.recording`."""
 _OWN = (*SOURCES, Path(__file__), Path(__file__).with_name("machine.py"))
 _Data: Any = ctypes.c_double * 0
-_LOCK = threading.Lock()
 _IN_MEMORY: WeakValueDictionary[str, MachineCode] = WeakValueDictionary()
 
 
@@ -71,7 +70,7 @@ def c_function(source: str, name: str, *, helpers: Sequence[Path] = ()) -> Machi
     found = _IN_MEMORY.get(key)
     if found is None:
         made = machine_code.c_function(key, compiled)
-        with _LOCK:  # threads that made it at once all take the first, which lives as long as one of them uses it
+        with MODULES:  # threads that made it at once all take the first, which lives as long as one of them uses it
             found = _IN_MEMORY.setdefault(key, made)
     return found
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import linecache
 import os
 import sys
-import threading
 from collections.abc import Sequence
 from hashlib import sha256
 from importlib.abc import SourceLoader
@@ -21,9 +20,9 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakValueDictionary, finalize
 
+from foundation.forks import MODULES
 from foundation.machine_code import package_version
 
-_LOCK = threading.RLock()
 _PASSING: WeakValueDictionary[str, ModuleType] = WeakValueDictionary()
 
 
@@ -40,7 +39,7 @@ def load_module(
         True
     """
     name, modules = module_name(source, helpers), sys.modules if keep else _PASSING
-    with _LOCK:
+    with MODULES:
         module = modules.get(name)
         if module is None:
             loader = _Loader(source.encode())

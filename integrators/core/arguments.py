@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import operator
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+from foundation.extras import loaded_module
 from integrators.core.errors import IntegratorError, shown
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def read_array(values: Any) -> np.ndarray:
     """Real numbers as an array of doubles; a single nan if `values` are not real numbers."""
     import numpy as np
 
-    masked = sys.modules.get("numpy.ma")  # without it there are no masked arrays, and it loads slowly
+    masked = loaded_module("numpy.ma")  # without it there are no masked arrays, and it loads slowly
     try:
         if np.iscomplexobj(values) or (masked and masked.is_masked(values)):
             raise TypeError

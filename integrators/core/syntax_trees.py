@@ -7,20 +7,19 @@ SystemError (python/cpython#106905).
 from __future__ import annotations
 
 import ast
-import threading
 from types import CodeType
 from typing import Any
 
-_LOCK = threading.RLock()
+from foundation.forks import SYNTAX
 
 
 def syntax_tree(source: str, mode: str = "exec") -> Any:
     """The syntax tree of a source, as by `ast.parse`."""
-    with _LOCK:
+    with SYNTAX:
         return ast.parse(source, mode=mode)
 
 
 def compiled_tree(tree: ast.Module) -> CodeType:
     """The code of a syntax tree."""
-    with _LOCK:
+    with SYNTAX:
         return compile(tree, "", "exec")

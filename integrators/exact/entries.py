@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
@@ -10,6 +9,7 @@ from math import fsum, inf, isfinite
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from foundation.extras import loaded_module
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number
@@ -47,7 +47,7 @@ def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
 
 def is_sympy(value: object) -> bool:
     """Whether a value is a SymPy object; does not import SymPy."""
-    sympy = sys.modules.get("sympy")
+    sympy = loaded_module("sympy")
     return sympy is not None and isinstance(value, sympy.Basic)
 
 

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from foundation.extras import optional_module
+from foundation.extras import loaded_module, optional_module
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
@@ -410,7 +410,7 @@ def results_in_order(
     If workers of a pool created here are lost, a new one runs the unfinished tasks; other executors stay open, and
     repeat tasks themselves, if at all.
     """
-    losses, distributed = 0, sys.modules.get("distributed")
+    losses, distributed = 0, loaded_module("distributed")
     lost = (BrokenExecutor,) if distributed is None else (BrokenExecutor, distributed.KilledWorker)
     while tasks:
         try:

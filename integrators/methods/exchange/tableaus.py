@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from foundation.extras import loaded_module
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
@@ -138,7 +138,7 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
 
 def _known(source: Any) -> RungeKutta | None:
     """The method of a class from `scipy_solver`, or of SciPy's ``Radau``, which has no tableau of its own."""
-    integrate = sys.modules.get("scipy.integrate")
+    integrate = loaded_module("scipy.integrate")
     if integrate is not None and source is integrate.Radau:
         radau: Any = named_method("radau-iia3")
         return radau
