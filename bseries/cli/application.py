@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 import click
 
+from bseries_command import INTERRUPTED
 from foundation.extras import MissingPackage
 from integrators.core.errors import suggestion
 
@@ -40,8 +41,8 @@ VERBS = {
 }
 """The verbs and their modules."""
 
-INTERRUPTED, BROKEN_PIPE = 130, 141
-"""Exit codes for SIGINT and SIGPIPE: 128 + the number of the signal."""
+BROKEN_PIPE = 141
+"""The exit code for SIGPIPE: 128 + its number."""
 
 
 class Refusal(click.ClickException):
@@ -95,11 +96,13 @@ class Application(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb."""
+        check_environment()
         limit = sys.get_int_max_str_digits()
         sys.set_int_max_str_digits(0)  # of printed integers; input has a limit of its own
         try:
             with _quiet_ends(), warnings.catch_warnings():
                 warnings.simplefilter("always")
+                warnings.simplefilter("ignore", ResourceWarning)  # of files that an interrupt left open
                 warnings.showwarning = lambda message, *_: say("warning", str(message))
                 result = super().invoke(ctx)
                 sys.stdout.flush()
@@ -112,7 +115,7 @@ class Application(click.Group):
 def _quiet_ends() -> Iterator[None]:
     """Convert errors that a user can cause to a sentence or an exit code."""
     try:
-        prepare_stdout()
+        prepare_streams()
         yield
     except KeyboardInterrupt:
         raise click.exceptions.Exit(INTERRUPTED) from None
@@ -140,6 +143,14 @@ def say(kind: str, sentence: str) -> None:
         click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
 
 
+def check_environment() -> None:
+    """Refuse what numba would refuse with a traceback; pictures go to files, whatever backend is set for windows."""
+    threads = os.environ.get("NUMBA_NUM_THREADS", "").strip()
+    if threads.removeprefix("-").isdecimal() and int(threads) < 1:
+        raise Refusal(f"NUMBA_NUM_THREADS must be a number of threads, 1 or more, but was {threads!r:.60}")
+    os.environ["MPLBACKEND"] = "agg"
+
+
 def standard_input() -> TextIO:
     """Standard input, for - in place of a file."""
     if sys.stdin is None:  # closed by the caller
@@ -147,8 +158,10 @@ def standard_input() -> TextIO:
     return sys.stdin
 
 
-def prepare_stdout() -> None:
-    """Ensure that standard output exists, and encodes the letter τ."""
+def prepare_streams() -> None:
+    """Ensure that standard output and error exist, and that output encodes the letter τ."""
+    if sys.stderr is None:  # closed by the caller, who wants to see nothing
+        sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
     if sys.stdout is None:  # closed by the caller: writing fails, as on a full disk
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     elif (sys.stdout.encoding or "").lower().replace("-", "") != "utf8" and hasattr(sys.stdout, "reconfigure"):

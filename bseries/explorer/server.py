@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import logging
 import math
+import os
+import signal
 import socket
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
+from contextlib import closing, contextmanager
 from functools import cache, lru_cache, partial
 from html import escape
 from typing import Any, NamedTuple
@@ -38,6 +43,8 @@ LIFETIME = 10_000
 """Milliseconds until a page is forgotten that no browser is connected to."""
 MOST_BYTES = 2**20
 """Of a message from a browser."""
+EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
+"""Errors of a process, or a machine, that can have no more connections."""
 STEPS, SCALES = 200, (*FACTORS, 0.02)
 """Of the sliders of h, and of the factor of the start."""
 CURVES, ORBITS = ("numerical", "exact", "modified"), ("orbits",)
@@ -51,7 +58,7 @@ class Frame(NamedTuple):
     flows: tuple[str, ...]
     h: float
     scale: float
-    terms: int
+    terms: float
 
 
 def method_answer(request: Request) -> tuple[MethodFacts, StabilityShapes | str]:
@@ -83,7 +90,7 @@ def frame_answer(request: Request, frame: Frame) -> tuple[np.ndarray, str]:
     """
     flows = _flows(request.method, request.scene, request.start, request.span)
     wanted, h, scale, terms = frame
-    if not (FACTORS[0] <= scale <= FACTORS[1] and 1 <= terms <= flows.terms):
+    if not (FACTORS[0] <= scale <= FACTORS[1] and terms in range(1, flows.terms + 1)):
         raise SeriesError(
             f"factor and terms must be {FACTORS[0]:g} to {FACTORS[1]:g} and 1 to {flows.terms}, but were {scale!r:.60} "
             f"and {terms!r:.60}"
@@ -94,7 +101,7 @@ def frame_answer(request: Request, frame: Frame) -> tuple[np.ndarray, str]:
             views = {flow: flows.orbits(h)}
         elif flow == "modified":
             try:
-                views = flows.modified(h, scale, terms)
+                views = flows.modified(h, scale, int(terms))
             except SeriesError as error:
                 views, sentence = NOTHING, f"{error}."
         else:
@@ -235,7 +242,7 @@ class LivePage:
         At first the numerical solution comes alone: machine code for the others may have to be compiled.
         """
         plots = self._plots
-        h, scale, terms = float(plots.h.value), float(plots.scale.value), int(plots.terms.value)
+        h, scale, terms = (float(slider.value) for slider in (plots.h, plots.scale, plots.terms))
         everything = [(*CURVES, *ORBITS)] if self._orbits_seconds < MOMENT else [CURVES, ORBITS]
         first, sentence = [CURVES[:1]] if self._orbits_h is None else [], ""
         for wanted in [CURVES] if h == self._orbits_h else [*first, *everything]:
@@ -306,39 +313,105 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
         SeriesError: The port is taken.
         MissingPackage: Bokeh is not installed.
     """
-    server_class = optional_module("bokeh.server.server", "explore").Server
+    base_server = optional_module("bokeh.server.server", "explore").BaseServer
+    pages = optional_module("bokeh.server.tornado", "explore").BokehTornado
     application = optional_module("bokeh.application", "explore").Application
-    chosen = _free_port(port)
-    workers = Workers()
-    try:
+    http_server = optional_module("tornado.httpserver", "explore").HTTPServer
+    loop = optional_module("tornado.ioloop", "explore").IOLoop.current()
+    log_in_lines()
+    with _Listener(port) as listener, _stopped_by_interrupts(loop), closing(Workers()) as workers:
+        hosts = [f"{name}:{listener.port}" for name in (ADDRESS, "localhost")]
         explorer = Explorer(workers)
-        server = server_class(
+        served = pages(
             {"/": application(_handler(explorer))},
-            port=chosen,
-            address=ADDRESS,
-            allow_websocket_origin=[f"{ADDRESS}:{chosen}", f"localhost:{chosen}"],
-            websocket_max_message_size=MOST_BYTES,
+            extra_websocket_origins=hosts,
+            websocket_max_message_size_bytes=MOST_BYTES,
             check_unused_sessions_milliseconds=LIFETIME // 5,
             unused_session_lifetime_milliseconds=LIFETIME,
         )
+        server = base_server(loop, served, http_server(for_hosts(hosts, served)))
+        server._http.add_sockets([listener])
         server.start()
-        server.io_loop.add_callback(explorer._answer, Request())  # the first page is likely this one
-        ready(f"http://{ADDRESS}:{chosen}/")
-        server.io_loop.start()
+        loop.add_callback(explorer._answer, Request())  # the first page is likely this one
+        ready(f"http://{ADDRESS}:{listener.port}/")
+        loop.start()
         server.stop()
-    finally:
-        workers.stop()
 
 
-def _free_port(port: int) -> int:
-    """The port, or a free one for 0."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+class OneLine(logging.Formatter):
+    """A record of a log as one line, with the error instead of its traceback."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line."""
+        error = record.exc_info and record.exc_info[1]
+        parts = [record.getMessage(), f"{type(error).__name__}: {error}" if error else ""]
+        (first, *_), said = parts[0].splitlines() or [""], " ".join(parts[1].split())
+        text = f"{first}: {said}" if said and said not in first else first
+        plain = "".join(x if x.isprintable() else " " for x in text)
+        return f"bseries: {record.levelname.lower()}: {plain:.300}"
+
+
+def log_in_lines() -> None:
+    """Let the server's packages log their warnings and errors on stderr, in one line each."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(OneLine())
+    configure = optional_module("bokeh.util.logconfig", "explore").basicConfig  # which takes Bokeh's own handler away
+    configure(level=logging.WARNING, handlers=[handler], force=True)
+
+
+class _Listener(socket.socket):
+    """The socket that browsers connect to. Without free file descriptors they wait."""
+
+    def __init__(self, port: int):
+        super().__init__(socket.AF_INET, socket.SOCK_STREAM)
+        if os.name == "posix":  # elsewhere it would take a port that is in use
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((ADDRESS, port))
+            self.bind((ADDRESS, port))
+            self.listen()
         except OSError as error:
+            self.close()
             raise SeriesError(f"port must be free, but {port} was not: {error.strerror}") from None
-        return probe.getsockname()[1]
+        self.setblocking(False)
+        self.port: int = self.getsockname()[1]
+
+    def accept(self) -> Any:
+        """The next connection; the server takes errors but this one for its own."""
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in EXHAUSTED:
+                raise
+            time.sleep(MOMENT)
+            raise BlockingIOError from None
+
+
+def for_hosts(hosts: Collection[str], served: Any) -> Any:
+    """What a server serves to requests for these hosts; others get nothing.
+
+    Names of other hosts may be made to lead to this machine, so that their pages could read answers.
+    """
+    routing = optional_module("tornado.routing", "explore")
+
+    class OfHosts(routing.Matcher):
+        """Matches requests for these hosts."""
+
+        def match(self, request: Any) -> dict[str, Any] | None:
+            return {} if request.host.lower() in hosts else None
+
+    return routing.RuleRouter([routing.Rule(OfHosts(), served)])
+
+
+@contextmanager
+def _stopped_by_interrupts(loop: Any) -> Iterator[None]:
+    """Let interrupts stop a loop between two of its callbacks, not threads and processes that are being started."""
+    before = signal.getsignal(signal.SIGINT)
+    if callable(before):  # those that are ignored stay so
+        signal.signal(signal.SIGINT, lambda *_: loop.add_callback(loop.stop))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _handler(explorer: Explorer) -> Any:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import multiprocessing
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 from bseries.exceptions import SeriesError
+from foundation.children import Children, end_with_parent
 
 SECONDS = 30.0
 """Time limit of a request. It includes the start of a worker and the compilation of machine code at first use."""
@@ -39,9 +39,9 @@ class Worker:
         self._start()
 
     def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs, BYTES), daemon=True)
+        children = Children()
+        self._pipe, theirs = children.Pipe()
+        self._process = children.Process(target=_work, args=(theirs, BYTES), daemon=True)
         self._process.start()
         theirs.close()
         self.seen.clear()
@@ -86,11 +86,9 @@ class Worker:
 
 def _work(pipe: Any, most_bytes: int) -> None:
     """Answer requests until the other end of the pipe is closed."""
-    import signal
-
     from bseries import errors
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends its workers
+    end_with_parent()
     with suppress(ImportError, OSError, ValueError):
         import resource
 
@@ -146,7 +144,7 @@ class Workers:
         answer.add_done_callback(release)
         return await asyncio.shield(answer)  # if the client disconnects, the worker stays busy until the end
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End all processes."""
         for worker in self._all:
             worker.stop()

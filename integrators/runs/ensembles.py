@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -19,6 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from foundation.children import Children, end_with_parent, safe_path, uninterrupted
 from foundation.extras import loaded_module, optional_module
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
@@ -414,10 +414,13 @@ def results_in_order(
     lost = (BrokenExecutor,) if distributed is None else (BrokenExecutor, distributed.KilledWorker)
     while tasks:
         try:
-            with _opened(executor, workers) as pool, closing(pool.map(function, *zip(*tasks, strict=True))) as results:
-                for result in results:
-                    yield result
-                    tasks, losses = tasks[1:], 0
+            with _opened(executor, workers) as pool:
+                with uninterrupted():
+                    begun = pool.map(function, *zip(*tasks, strict=True))
+                with closing(begun) as results:
+                    for result in results:
+                        yield result
+                        tasks, losses = tasks[1:], 0
         except lost as error:
             losses += 1
             if isinstance(executor, Executor) or losses == MOST_LOSSES:
@@ -430,19 +433,24 @@ def results_in_order(
 @contextmanager
 def _opened(executor: Executor | str, workers: int | None) -> Iterator[Any]:
     """The executor given, or a pool of threads or of spawned processes; a fork would copy locks of other threads."""
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
     if isinstance(executor, Executor):
         yield executor
         return
-    count = workers or available_cores()
+    count, children = workers or available_cores(), None
     if executor == "threads":
         pool: Executor = ThreadPoolExecutor(count)
-    else:  # Ctrl-C ends a worker without a traceback: the parent reports it
-        pool = ProcessPoolExecutor(count, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL))
+    else:
+        from concurrent.futures import ProcessPoolExecutor
+
+        children = Children()
+        pool = ProcessPoolExecutor(count, children, end_with_parent)
     try:
         yield pool
+    except BaseException:  # nobody waits for what is running
+        pool.shutdown(wait=False, cancel_futures=True)
+        if children is not None:
+            children.end()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)  # Python 3.11 prints a traceback if a pool breaks with cancelled tasks
 
@@ -490,7 +498,9 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         cluster: Any = address
         if address is None:
             count = workers or available_cores()
-            cluster = opened.enter_context(distributed.LocalCluster(n_workers=count, **options))
+            opened.enter_context(safe_path())  # for as long as lost workers are replaced
+            with uninterrupted():
+                cluster = opened.enter_context(distributed.LocalCluster(n_workers=count, **options))
         try:
             client = opened.enter_context(distributed.Client(cluster, timeout="10s"))
         except (OSError, ValueError, TypeError) as error:

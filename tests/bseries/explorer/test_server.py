@@ -123,7 +123,7 @@ def test_workers_are_shared():
     try:
         assert asyncio.run(many()) == list(range(20))
     finally:
-        workers.stop()
+        workers.close()
 
 
 @pytest.mark.parametrize(

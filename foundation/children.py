@@ -1,0 +1,90 @@
+"""Processes that run no code from the working directory, leave interrupts to their parent, and end with it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any
+
+_SAFE = "PYTHONSAFEPATH"
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Python, where it is started in this block, imports nothing from the working directory."""
+    before = os.environ.get(_SAFE)
+    os.environ[_SAFE] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_SAFE, None)
+        else:
+            os.environ[_SAFE] = before
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let an interrupt come after this block; processes and threads that are started in it are never interrupted."""
+    mask = getattr(signal, "pthread_sigmask", None)
+    if mask is None:  # Windows
+        yield
+        return
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        mask(signal.SIG_SETMASK, before)
+
+
+class _Process(SpawnProcess):
+    """A process that is started in this way."""
+
+    @staticmethod
+    def _Popen(process_obj: Any) -> Any:
+        with safe_path(), uninterrupted():
+            return SpawnProcess._Popen(process_obj)  # type: ignore[attr-defined]
+
+
+class Children(SpawnContext):
+    """A context of `multiprocessing` whose processes are spawned safely, and can be ended at once.
+
+    What they run calls `end_with_parent` first.
+    """
+
+    def __init__(self) -> None:
+        self._started: list[Any] = []
+        if os.name == "posix":
+            from multiprocessing.resource_tracker import ensure_running
+
+            with safe_path(), uninterrupted():
+                ensure_running()  # locks and queues would start this process of its own
+
+    def Process(self, *arguments: Any, **options: Any) -> Any:  # type: ignore[override]
+        """A process of this context."""
+        made = _Process(*arguments, **options)
+        self._started.append(made)
+        return made
+
+    def end(self) -> None:
+        """End all processes, whatever they are doing."""
+        for process in self._started:
+            if process.pid is not None and process.is_alive():
+                process.kill()
+
+
+def end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, in whatever way."""
+    threading.Thread(target=_watch, daemon=True).start()
+
+
+def _watch() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
