@@ -51,7 +51,11 @@ class Interrupts:
 
     def _ignored(self, problem: Any) -> None:
         if issubclass(problem.exc_type, KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
+            from threading import Timer
+
+            again = Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))  # after this hook
+            again.daemon = True
+            again.start()
         else:
             sys.__unraisablehook__(problem)
 

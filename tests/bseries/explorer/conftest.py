@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-SERVE = "from bseries.cli import main; main()"
+SERVE = "from bseries_command import main; main()"
 
 
 @pytest.fixture(scope="session")

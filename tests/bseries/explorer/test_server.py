@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import html
+import logging
 import os
+import signal
 import socket
+import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlencode, urlsplit
 
+import psutil
 import pytest
 
 import bseries as bs
@@ -99,6 +105,78 @@ def test_only_this_machine_is_served(address):
     assert urlsplit(address).hostname == "127.0.0.1"
 
 
+def status(address: str, host: str, path: str = "/?method=heun2", **headers: str) -> int:
+    """The status of the answer to a request for a host."""
+    place = urlsplit(address)
+    lines = [f"GET {path} HTTP/1.1", f"Host: {host}", *(f"{key}: {value}" for key, value in headers.items()), "", ""]
+    with socket.create_connection((place.hostname, place.port), timeout=60) as connection:
+        connection.sendall("\r\n".join(lines).encode())
+        return int(connection.makefile("rb").readline().split()[1])
+
+
+def test_only_names_of_this_machine_are_answered(address):
+    """Pages of a host whose name is made to lead here must not read answers, nor open a websocket."""
+    port = urlsplit(address).port
+    hosts = f"127.0.0.1:{port}", f"LocalHost:{port}", f"evil.com:{port}", "localhost", f"127.0.0.1:{port + 1}"
+    assert [status(address, host) for host in hosts] == [200, 200, 404, 404, 404]
+    socket_of = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    for host, refusal in ((f"evil.com:{port}", 404), (f"127.0.0.1:{port}", 403)):  # the second: of another origin
+        headers = {**socket_of, "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "Origin": f"http://evil.com:{port}"}
+        assert status(address, host, "/ws", **headers) == refusal
+
+
+def test_a_port_is_served_once(address):
+    port = urlsplit(address).port
+    assert port is not None
+    with pytest.raises(bs.SeriesError, match=f"port must be free, but {port} was not: "):
+        server.serve(port, print)
+
+
+def test_without_file_descriptors_connections_wait(monkeypatch):
+    def exhausted(self):
+        raise OSError(code, "no more")
+
+    with server._Listener(0) as listener:
+        monkeypatch.setattr(socket.socket, "accept", exhausted)
+        code = errno.EMFILE
+        with pytest.raises(BlockingIOError):  # the server comes again, and logs nothing
+            listener.accept()
+        code = errno.EINVAL
+        with pytest.raises(OSError, match="no more"):
+            listener.accept()
+
+
+def test_logs_have_one_line_for_each_record():
+    try:
+        raise ValueError("one\ntwo\x1b")
+    except ValueError:
+        record = logging.makeLogRecord({"levelname": "ERROR", "msg": "message\nmore", "exc_info": sys.exc_info()})
+    assert server.OneLine().format(record) == "bseries: error: message: ValueError: one two "
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize(("number", "delay"), [(2, 0.3), (2, 1), (2, 2), (2, None), (15, None), (9, None)])
+def test_servers_end_whenever_they_are_told_to(number, delay):
+    """Without a hang, a traceback, or workers that are left: SIGINT at any time, SIGTERM and SIGKILL while serving."""
+    with subprocess.Popen(
+        [sys.executable, "-c", "from bseries_command import main; main()", "explore", "--port", "0", "--no-open"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as job:  # fmt: skip
+        if delay is None:
+            assert job.stdout is not None
+            job.stdout.readline()
+        else:
+            time.sleep(delay)
+        workers = psutil.Process(job.pid).children()
+        (os.killpg if number == signal.SIGINT else os.kill)(job.pid, number)
+        _, err = job.communicate(timeout=60)
+    assert err == ""
+    assert job.returncode in ({0, 130} if number == signal.SIGINT else {-number})
+    assert not psutil.wait_procs(workers, timeout=20)[1]
+
+
 def test_a_worker_is_replaced_after_its_time_or_its_end():
     worker = Worker()
     try:
@@ -134,6 +212,8 @@ def test_workers_are_shared():
         (Frame(("modified",), 0.1, 1.0, 10**9), "factor and terms must be 0.2 to 1.6 and 1 to 6"),
         (Frame(("exact",), 0.1, float("inf"), 3), "factor and terms must be"),
         (Frame(("exact",), 1e-9, 1.0, 3), "h must be at least"),
+        (Frame(("modified",), 0.1, 1.0, float("nan")), "factor and terms must be"),
+        (Frame(("modified",), 0.1, 1.0, 2.5), "factor and terms must be"),
     ],
 )
 def test_values_that_no_slider_has(frame, sentence):
