@@ -42,6 +42,15 @@ def uninterrupted() -> Iterator[None]:
         mask(signal.SIG_SETMASK, before)
 
 
+def start_tracker() -> None:
+    """Start the process that frees shared locks, which others would start, and then let interrupts through."""
+    if os.name == "posix":
+        from multiprocessing.resource_tracker import ensure_running
+
+        with safe_path(), uninterrupted():
+            ensure_running()
+
+
 class _Process(SpawnProcess):
     """A process that is started in this way."""
 
@@ -59,11 +68,7 @@ class Children(SpawnContext):
 
     def __init__(self) -> None:
         self._started: list[Any] = []
-        if os.name == "posix":
-            from multiprocessing.resource_tracker import ensure_running
-
-            with safe_path(), uninterrupted():
-                ensure_running()  # locks and queues would start this process of its own
+        start_tracker()
 
     def Process(self, *arguments: Any, **options: Any) -> Any:  # type: ignore[override]
         """A process of this context."""

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from foundation.children import Children, end_with_parent, safe_path, uninterrupted
+from foundation.children import Children, end_with_parent, safe_path, start_tracker, uninterrupted
 from foundation.extras import loaded_module, optional_module
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
@@ -499,6 +499,7 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         if address is None:
             count = workers or available_cores()
             opened.enter_context(safe_path())  # for as long as lost workers are replaced
+            start_tracker()
             with uninterrupted():
                 cluster = opened.enter_context(distributed.LocalCluster(n_workers=count, **options))
         try:
