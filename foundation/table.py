@@ -14,6 +14,7 @@ from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
 from foundation.extras import optional_module
+from foundation.numbers import formula_text
 
 GAP = "  "
 LEAST_WIDTH = 8
@@ -295,7 +296,7 @@ def cell_text(value: object) -> str:
         return value
     if isinstance(value, tuple | list):
         return " ".join(map(str, value))
-    return "" if value is None else str(value)
+    return "" if value is None else formula_text(value)
 
 
 def _getters(table: Table) -> list[Callable[[Any], object]]:

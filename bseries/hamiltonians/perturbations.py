@@ -21,6 +21,7 @@ from bseries.fields.polynomials import Element
 from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
 from bseries.hamiltonians.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
 from bseries.hamiltonians.verdicts import hamiltonian_order
+from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import canonical_blocks
@@ -205,7 +206,7 @@ def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
         raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
     start = scene.start or (0,) * scene.dimension
     others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
-    function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)
+    function = as_function([x], formula.subs(others), "mpmath")
     length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
     mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
     return PeriodGain(name, period, sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0), DIGITS)
