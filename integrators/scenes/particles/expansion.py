@@ -28,14 +28,12 @@ def filled(formula: sympy.Expr, scene: System) -> sympy.Expr:
     values = scene.parameter_values
     symbols = cast("set[sympy.Symbol]", formula.free_symbols)
     used = {s: values[s.name] for s in symbols if s.name in values}
-    given = ", ".join(sorted(f"{symbol} = {shorten(str(value))}" for symbol, value in used.items()))
     try:
         result = substituted(formula, used)
     except ArithmeticError as error:
-        raise IntegratorError(
-            f"parameters must make {shorten(str(formula))} small enough, but {given} {error}"
-        ) from None
+        raise IntegratorError(f"parameters must make {shorten(str(formula))} small enough, but it {error}") from None
     if used and result.has(sympy.I):
+        given = ", ".join(sorted(f"{symbol} = {shorten(str(value))}" for symbol, value in used.items()))
         raise IntegratorError(f"parameters must make {shorten(str(formula))} real, but were {given}")
     return result
 
