@@ -6,7 +6,7 @@ The one-form B^(−1) r may be not closed at some power of h, or closed but not 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
@@ -56,6 +56,9 @@ class Perturbation:
             difference = self.field.series - modified_field(self.twin, scene, order, parts=parts).series
             label = f"{self.field.label} less that of {self.twin.name}"
             self.series = SceneSeries(scene, self.field.trees, difference.with_label(label))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(Perturbation, parts=self._parts), (self._method, self.scene, self.field.order)
 
     @property
     def has_formulas(self) -> bool:

@@ -267,12 +267,17 @@ def _cosines(formulas: Iterable[sympy.Expr]) -> set[Any]:
 
 
 def _cosine_degree(cosines: Iterable[Any]) -> int:
-    """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n."""
+    """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n.
+
+    Cosines of other arguments than rational multiples of π are not algebraic, and count as symbols do.
+    """
     import sympy
 
     n = 1
     for cosine in cosines:
         ratio = cosine.args[0] / (2 * sympy.pi)
+        if not ratio.is_Rational:
+            continue
         if not isinstance(cosine, sympy.sin):
             n = lcm(n, int(ratio.q))
         if not isinstance(cosine, sympy.cos):  # sin x = cos(π/2 − x)

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foundation.numbers import formula_text
-from integrators.core.arguments import as_lists, check_distinct, is_listed, items
+from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.expressions import MAX_LENGTH, decimal_text
@@ -267,6 +267,8 @@ def read_declaration(
     summands = read_summands(hamiltonian, field, terms, namespace)
     if not isinstance(invariants, Mapping) or not all(isinstance(name, str) for name in invariants):
         raise IntegratorError(f"invariants must map names to formulas, but was {shown(invariants)}")
+    for name in (*invariants, *effects):
+        check_label(name, "names of invariants and effects")
     read = Declaration(
         base=Contribution(blocks, values, summands, read_start(start, blocks)),
         effects={},

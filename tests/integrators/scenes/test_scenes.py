@@ -415,9 +415,7 @@ def test_a_variable_t_is_the_time():
     scene = Scene({"x": 1, "t": 1}, field={"x": "t*x", "t": "1"})
     assert scene.variables == ("x", "t")
     assert scene.notes == ()
-    with pytest.raises(
-        IntegratorError, match=r"variables.t must be the time"
-    ):  # a run would set it to the time
+    with pytest.raises(IntegratorError, match=r"variables.t must be the time"):  # a run would set it to the time
         Scene({"z": ["x", "t"]}, field={"x": "t*x", "t": "1"})
     with pytest.raises(IntegratorError, match=r"field.t must be 1, since t is the time, but was 2"):
         Scene({"x": 1, "t": 1}, field={"x": "t*x", "t": "2"})
