@@ -13,6 +13,8 @@ import bseries as bs
 from bseries.explorer.reading import read_method
 from bseries.figures.registry import figure
 from integrators.core.stored_arrays import write_arrays
+from integrators.methods.exchange.formats import FORMATS
+from integrators.methods.exchange.tableaus import export_tableau, import_tableau
 from integrators.runs.storage import checksum
 from integrators.scenes.text import loads_scene
 
@@ -183,3 +185,15 @@ def test_an_animation_interrupted_before_its_first_frame(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         drawn.animate(tmp_path / "patch.gif")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("format_", [name for name in FORMATS if name != "scipy"])
+def test_exchanged_text_with_surrogates_and_control_characters(format_):
+    text, chance = export_tableau("rk4", format_), random.Random(7)
+    for _ in range(60):
+        at = chance.randint(0, len(text))
+        character = chance.choice(["\ud800", "\x1b", "\x1c", "\0", "\x85", "\u2028"])
+        try:
+            import_tableau(text[:at] + character + text[at:], format_)
+        except bs.IntegratorError as error:
+            str(error).encode()
