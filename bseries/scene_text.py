@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from foundation.table import Column, Table
 from integrators.scenes.scene import latex_formula
 

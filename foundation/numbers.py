@@ -1,11 +1,10 @@
-"""Exact and decimal numbers and formulas as text, and numbers as LaTeX."""
+"""Exact and decimal numbers as text and as LaTeX."""
 
 from __future__ import annotations
 
 import math
 from decimal import Context, Decimal
 from fractions import Fraction
-from functools import cache
 from typing import Any
 
 
@@ -47,24 +46,3 @@ def latex_number(value: Any, digits: int | None = None, *, is_zero: bool = False
 def finite_or_none(value: Any) -> float | None:
     """A number for a table: None if it is not finite, for which JSON has no number."""
     return float(value) if math.isfinite(value) else None
-
-
-def formula_text(formula: Any) -> str:
-    """A number or a formula of SymPy as text.
-
-    The number e is exp(1) in it, as where formulas are read: E, as SymPy writes it, may be a name of the user's.
-    """
-    return _printer().doprint(formula) if hasattr(formula, "free_symbols") else str(formula)
-
-
-@cache
-def _printer() -> Any:
-    from sympy.printing.str import StrPrinter
-
-    class FormulaPrinter(StrPrinter):
-        """SymPy's printer with exp(1) for the number e."""
-
-        def _print_Exp1(self, expr: object) -> Any:
-            return "exp(1)"
-
-    return FormulaPrinter()

@@ -15,7 +15,7 @@ from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
 from foundation.extras import optional_module
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 
 GAP = "  "
 LEAST_WIDTH = 8

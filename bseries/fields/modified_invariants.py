@@ -17,7 +17,7 @@ from bseries.fields.inputs import check_power, power_sum
 from bseries.fields.modified_fields import SceneSeries, check_field
 from bseries.fields.polynomials import Element
 from bseries.scene_text import power_table
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from foundation.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled

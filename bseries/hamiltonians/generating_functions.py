@@ -32,7 +32,7 @@ from bseries.fields.inputs import power_sum
 from bseries.fields.polynomials import Element
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
 from bseries.scene_text import power_table
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from foundation.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries

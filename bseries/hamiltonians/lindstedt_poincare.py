@@ -28,7 +28,7 @@ from bseries.fields.inputs import check_power, in_threads, power_sum, read_state
 from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from integrators.core.arguments import items
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function

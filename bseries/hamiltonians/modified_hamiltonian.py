@@ -30,7 +30,7 @@ from bseries.hamiltonians.verdicts import (
     name_of,
 )
 from foundation.diagrams import axis_label, draw_levels, write_title
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError, shown

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from unicodedata import name as unicode_name
 
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from foundation.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
 from integrators.core.errors import shorten

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapp
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.numbers import formula_text
+from foundation.formulas import formula_text
 from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import LARGEST_NUMBER
