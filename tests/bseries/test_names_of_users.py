@@ -70,9 +70,9 @@ def lotka(names):
 
 def particles(names):
     p, _, m = names
-    force = f"-{m}_i*{m}_j*{m}_{p}/sqrt((qx_i - qx_j)^2 + (qy_i - qy_j)^2)"
+    force = f"-{m}_i*{m}_j*{m}0{p}/sqrt((qx_i - qx_j)^2 + (qy_i - qy_j)^2)"
     return bs.Scene(
-        {"p": [3, 2], "q": [3, 2]}, parameters={m: [1, 2, "1/2"], f"{m}_{p}": "exp(1)"},
+        {"p": [3, 2], "q": [3, 2]}, parameters={m: [1, 2, "1/2"], f"{m}0{p}": "exp(1)"},
         terms=[
             bs.Term(hamiltonian=f"(px_i^2 + py_i^2)/(2*{m}_i)", over="each"),
             bs.Term(hamiltonian=force, over="pairs"),
@@ -166,8 +166,8 @@ def closed(names):
         made = bs.Scene(pair, hamiltonian=energy)
         form = bs.hamiltonians.closed_hamiltonian(method, made)
         yield from (form([0.4, 0.5], 0.1), form.expression(sympy.Rational(1, 10)))
-        step = "k" if "h" in names else "h"
         text = form.to_dict()["hamiltonian"]
+        step = "h" if text else "k"
         yield Text(text or formula_text(form.expression(sympy.Symbol(step))), step)
     rotor = bs.Scene(
         {"p": [p], "q": [q]}, hamiltonian=f"exp(1)*{p}^2/2 + {parameter}*cos({q})", parameters={parameter: "1/10"}
