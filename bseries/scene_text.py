@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from foundation.formulas import formula_text
 from foundation.table import Column, Table
 from integrators.scenes.scene import latex_formula
 
@@ -135,4 +136,4 @@ def _broken(summands: Sequence[str]) -> str:
 def power_table(title: str, terms: Sequence[sympy.Expr], first: int, data: Callable[[], dict[str, Any]]) -> Table:
     """Formulas by powers of h, from the first power on."""
     columns = (Column("k", True), Column("coefficient of h^k"))
-    return Table(title, columns, [(k, str(term)) for k, term in enumerate(terms, first)], data=data)
+    return Table(title, columns, [(k, formula_text(term)) for k, term in enumerate(terms, first)], data=data)

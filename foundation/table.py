@@ -7,6 +7,7 @@ and an entry of `FORMATS`.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
 from foundation.extras import optional_module
+from foundation.formulas import formula_text
 
 GAP = "  "
 LEAST_WIDTH = 8
@@ -96,6 +98,42 @@ class Table(NamedTuple):
     records: Table | None = None  # the table for CSV, if it differs: all rows, with all digits
     own: Mapping[str, Callable[[int | None], str]] = {}  # replace the writers of formats
     titled: bool = True  # whether text begins with the title
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Cells, data and texts in place of the functions that make them, most of which cannot be pickled."""
+        columns = list(zip(self.columns, _getters(self), strict=True))
+        rows = [
+            (
+                [get(row) for _, get in columns],
+                [column.latex and column.latex(row) for column in self.columns],
+                [column.html and column.html(row) for column in self.columns],
+                self.section and self.section(row),
+            )
+            for row in self.rows
+        ]
+        made = [
+            column._replace(
+                get=partial(_part, 0, k),
+                latex=column.latex and partial(_part, 1, k),
+                html=column.html and partial(_part, 2, k),
+            )
+            for k, column in enumerate(self.columns)
+        ]
+        section = self.section and itemgetter(3)
+        own = {format_: partial(_given, write(None)) for format_, write in self.own.items()}
+        data = partial(_given, dict(self.data()))
+        return Table, (
+            self.title,
+            made,
+            rows,
+            list(self.notes),
+            data,
+            self.items,
+            section,
+            self.records,
+            own,
+            self.titled,
+        )
 
     def extended(self, notes: Iterable[str] = (), **data: Any) -> Table:
         """The table with further notes, and further entries of the JSON document."""
@@ -284,6 +322,15 @@ FORMATS = {
 """The formats by their names; "table" is text."""
 
 
+def _part(kind: int, k: int, row: Sequence[Any]) -> Any:
+    """The value, the LaTeX or the HTML of a cell in a row that was made for pickling."""
+    return row[kind][k]
+
+
+def _given(value: Any, _width: int | None = None) -> Any:
+    return value
+
+
 def listed(columns: Iterable[tuple[str, Callable[[Any], object]]], rows: Collection[Any]) -> Table:
     """Records for CSV: headings with the values of a row."""
     return Table("", [Column(heading, get=get) for heading, get in columns], rows)
@@ -295,7 +342,7 @@ def cell_text(value: object) -> str:
         return value
     if isinstance(value, tuple | list):
         return " ".join(map(str, value))
-    return "" if value is None else str(value)
+    return "" if value is None else formula_text(value)
 
 
 def _getters(table: Table) -> list[Callable[[Any], object]]:

@@ -10,12 +10,15 @@ WORKFLOWS = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / ".g
 PLACEHOLDER = "OWNER"
 
 
-def test_workflows_pin_major_versions_hold_no_secrets_and_have_least_rights():
+def test_workflows_pin_versions_hold_no_secrets_and_have_least_rights():
+    """Jobs that can prove who they are to others pin commits, which nobody can move."""
     assert WORKFLOWS.keys() == {"tests", "docs", "release"}
     for name, text in WORKFLOWS.items():
-        used = re.findall(r"uses: (\S+)", text)
-        assert used, name
-        assert all(re.fullmatch(r"[\w-]+/[\w-]+@v\d+", action) for action in used), name
+        for job in re.split(r"\n  (?=\w+:\n)", text.partition("\njobs:\n")[2]):
+            version = r"[0-9a-f]{40}" if "id-token: write" in job else r"v\d+"
+            used = re.findall(r"uses: (\S+)", job)
+            assert used, name
+            assert all(re.fullmatch(rf"[\w-]+/[\w-]+@{version}", action) for action in used), name
         assert "secrets." not in text, name
         assert "permissions:\n  contents: read\n" in text, name
 

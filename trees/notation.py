@@ -138,7 +138,7 @@ def _read_numbers(text: str) -> tuple[list[int], list[int]]:
         for entry in inner[1:-1].split(","):
             if not is_number(entry.strip()):
                 raise _error(text, f"has {entry.strip()!r:.60} for a number at position {position}")
-            entries.append(int(entry))
+            entries.append(int(entry.strip()))  # str.strip takes more for a space than int does
             position += len(entry) + 1
         position += len(part) - len(part.rstrip()) + 1
         sequences.append(entries)

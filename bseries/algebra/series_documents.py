@@ -15,7 +15,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.presentation import KINDS
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
-from integrators.core.arguments import check_digits
+from integrators.core.arguments import check_digits, check_label
 from integrators.core.errors import shorten, shown
 from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
@@ -79,6 +79,7 @@ def _read(data: Mapping[str, Any]) -> BSeries:
         raise SeriesError(f"colors and terms must be lists, the latter of objects, but colors were {shown(colors)}")
     if not isinstance(domain, str) or not isinstance(data["method"], str):
         raise SeriesError(f"domain and method must be text, but were {shown(domain)} and {shown(data['method'])}")
+    check_label(data["method"], "method")
     names, nonzero, max_children = check_names(colors), data.get("nonzero") is True, data.get("max_children")
     count = sum(count_trees(data["order"], len(names), max_children))
     if (count != len(terms) and not nonzero) or not len(terms) <= count <= MOST_TREES:

@@ -79,13 +79,13 @@ def checked_method(method: Method) -> Method:
 
 
 def _method_of_rows(rows: list[list[str]]) -> Method:
-    *matrix, weights = rows
+    *matrix, weights = rows or [[]]
     lengths, stages = {len(row) for row in matrix}, len(weights)
-    if len(matrix) != stages or lengths not in ({stages}, {stages + 1}):
+    if not stages or len(matrix) != stages or lengths not in ({stages}, {stages + 1}):
         shape = ", ".join(str(len(row)) for row in rows)
         raise SeriesError(
             "method must be a tableau with a row for each stage and then the weights, as in 0 0; 1/2 0; 0 1, but "
-            f"had rows of {shape}"
+            f"had rows of {shape or 0}"
         )
     nodes = [row.pop(0) for row in matrix] if lengths == {stages + 1} else None
     return RungeKutta(matrix, weights, nodes)

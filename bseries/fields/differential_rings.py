@@ -106,7 +106,7 @@ class DifferentialRing(GeneratedRing):
                 for base in bases:
                     self.indices[base] = math.lcm(self.indices.get(base, 1), power.q if power.is_Rational else 1)
             elif name := _name(part):
-                arguments[_depth(part), name, part.args[0]] += 1
+                arguments[_depth(part), name, _argument(part)] += 1
 
         def rank(key: tuple[int, str, Any]) -> tuple[Any, ...]:
             depth, name, argument = key
@@ -139,7 +139,7 @@ class DifferentialRing(GeneratedRing):
             return self._power(formula)
         name = _name(formula)
         if name:
-            argument = formula.args[0]
+            argument = _argument(formula)
             return self._exponential(argument) if name == "exp" else self._periodic(name, argument)
         if formula in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
             raise SeriesError(f"formula must be finite, but holds {formula}")
@@ -265,8 +265,15 @@ def _depth(formula: sympy.Basic) -> int:
 
 def _name(formula: sympy.Basic) -> str:
     """The name of a function with addition theorems; empty for others, including user functions with such a name."""
+    if formula is sympy.E:
+        return "exp"
     name = type(formula).__name__
     return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
+
+
+def _argument(formula: sympy.Basic) -> Any:
+    """The argument of such a function; SymPy's number e is exp(1) without one."""
+    return formula.args[0] if formula.args else sympy.Integer(1)
 
 
 class Lattice:

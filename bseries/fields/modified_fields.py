@@ -22,6 +22,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries
 from bseries.fields.inputs import check_power
 from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
+from foundation.formulas import formula_text
 from foundation.table import PRINT_WIDTH, Column, Table, listed
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
@@ -287,9 +288,7 @@ class SceneSeries:
 
         def data() -> dict[str, Any]:
             records = [
-                {"power": k, "field": [str(formula) for formula in field]}
-                for k, field in terms
-                if any(field) or not nonzero
+                {"power": k, "field": list(map(formula_text, field))} for k, field in terms if any(field) or not nonzero
             ]
             return {
                 **head("equation", method, self.scene, effects),

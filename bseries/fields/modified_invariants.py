@@ -17,6 +17,7 @@ from bseries.fields.inputs import check_power, power_sum
 from bseries.fields.modified_fields import SceneSeries, check_field
 from bseries.fields.polynomials import Element
 from bseries.scene_text import power_table
+from foundation.formulas import formula_text
 from foundation.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
@@ -54,7 +55,7 @@ class ModifiedInvariant(NamedTuple):
         return power_sum(self.terms, h)
 
     def __str__(self) -> str:
-        rows = (f"h^{k:<3} {term}" for k, term in enumerate(self.terms))
+        rows = (f"h^{k:<3} {formula_text(term)}" for k, term in enumerate(self.terms))
         return "\n".join([f"integral of {self.label}", *rows])
 
     def __repr__(self) -> str:
@@ -73,7 +74,7 @@ class ModifiedInvariant(NamedTuple):
             "kind": "invariant",
             "series": self.label,
             "variables": [str(symbol) for symbol in self.variables],
-            "terms": [{"power": k, "invariant": str(term)} for k, term in enumerate(self.terms)],
+            "terms": [{"power": k, "invariant": formula_text(term)} for k, term in enumerate(self.terms)],
         }
 
 

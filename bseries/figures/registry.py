@@ -119,10 +119,19 @@ def animate(file: ModuleType, numbers: Any, path: Any, *, progress: Callable[[in
     from matplotlib import rc_context
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
+    class Frames(PillowWriter):
+        """Pillow's writer, which writes nothing if it is interrupted before the first frame."""
+
+        _frames: list[Any]
+
+        def finish(self) -> None:
+            if self._frames:
+                super().finish()
+
     encoder: Any = {"animation.ffmpeg_path": _encoder()} if format_ == "mp4" else {}
     with TemporaryDirectory() as folder, print_style(), rc_context(encoder):
         figure, written = new_figure(file.SIZE), os.path.join(folder, f"animation.{format_}")
-        writer: Any = (FFMpegWriter if format_ == "mp4" else PillowWriter)(fps=PER_SECOND)
+        writer: Any = (FFMpegWriter if format_ == "mp4" else Frames)(fps=PER_SECOND)
         try:
             with writer.saving(figure, written, DOTS):
                 for frame, count in file.frames(numbers, figure):

@@ -15,8 +15,10 @@ from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import read_states
 from bseries.fields.polynomials import TooLarge
+from foundation.formulas import formula_text
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
+from integrators.exact.functions import as_function
 from integrators.scenes.model.blocks import Block, canonical_blocks, check_symbols, poisson_matrix, read_blocks
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.particles.expansion import filled
@@ -88,7 +90,7 @@ class CoordinateChange(ImmutableValue):
         return f"<CoordinateChange from {', '.join(names_of(self.new))} to {', '.join(names_of(self.old))}>"
 
     def __str__(self) -> str:
-        return "\n".join(f"{name} = {formula}" for name, formula in self.formulas.items())
+        return "\n".join(f"{name} = {formula_text(formula)}" for name, formula in self.formulas.items())
 
     @cached_property
     def symbols(self) -> tuple[sympy.Symbol, ...]:
@@ -276,7 +278,7 @@ class CoordinateChange(ImmutableValue):
             raise SeriesError(f"parameters must be numbers, but {self.parameters[0]} is a symbol: see with_parameters")
         rows = list(self.formulas.values())
         derivatives = [row.diff(symbol) for row in rows for symbol in self.symbols]
-        return sympy.lambdify(self.symbols, rows + derivatives, "numpy", cse=True, dummify=True)
+        return as_function(self.symbols, rows + derivatives, "numpy")
 
 
 MOST_MONOMIALS = 10_000  # formulas with more monomials are not simplified

@@ -31,8 +31,10 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
 from bseries.fields.truncation import convergence_radius
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
+from foundation.formulas import formula_text
 from integrators import RungeKutta
 from integrators.core.immutable import cached_method
+from integrators.exact.functions import as_function
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Method
@@ -51,7 +53,7 @@ class OscillatorStep:
         self.s = s
         self.entries: tuple[Any, ...] = tuple(sympy.cancel(entry) for entry in entries)
         self.cosine: Any = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
-        self._numeric = sympy.lambdify(s, self.entries, "math")
+        self._numeric = as_function([s], self.entries, "math")
 
     @classmethod
     def of_runge_kutta(cls, method: RungeKutta) -> OscillatorStep:
@@ -293,7 +295,7 @@ class FieldNijhoff:
         self.radius = invariant / abs(c)
         energy: Any = scene.hamiltonian
         self.constant = sympy.simplify(sympy.logcombine(sympy.expand(energy - c * sympy.log(invariant)), force=True))
-        self._numeric = sympy.lambdify(scene.symbols, invariant, "numpy")
+        self._numeric = as_function(scene.symbols, invariant, "numpy")
 
     @classmethod
     def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
@@ -363,13 +365,15 @@ class ClosedHamiltonian:
 
     @property
     def _shown_radius(self) -> str:
-        return f"{self.radius:.6g}" if isinstance(self.radius, float) else str(self.radius)
+        return f"{self.radius:.6g}" if isinstance(self.radius, float) else formula_text(self.radius)
 
     @property
     def _shown_formula(self) -> str | None:
-        """The formula as text; None without one."""
+        """The formula as text; None without one, and where h is a variable of the scene."""
+        if "h" in self.variables:
+            return None
         try:
-            return str(self.expression(sympy.Symbol("h")))
+            return formula_text(self.expression(sympy.Symbol("h")))
         except SeriesError:
             return None
 

@@ -39,6 +39,7 @@ from bseries.fields.modified_fields import (
 )
 from integrators import IntegratorError
 from integrators.core.immutable import cached_method
+from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
@@ -192,8 +193,7 @@ class EnergyFormulas:
 
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
         """The sum at one point, in the current precision of mpmath, which exceeds `digits`."""
-        # Dummy symbols, since a variable may have the name of a function of mpmath.
-        terms = sympy.lambdify(self.symbols, list(self.formulas), "mpmath", cse=True, dummify=True)
+        terms = as_function(self.symbols, list(self.formulas), "mpmath")
         try:
             value = mpmath.polyval(terms(*y)[::-1], h)
         except ArithmeticError as error:
@@ -303,7 +303,7 @@ class EnergySeries:
     def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
         """The sum at one point, in numbers of mpmath."""
         extended = self.series.precise([*y, *[0] * (self.scene.dimension - self._size)], h, digits)
-        constant = sympy.lambdify([], self.scene.constant, "mpmath")()
+        constant = as_function([], self.scene.constant, "mpmath")()
         return mpmath.fsum([*extended[self._size :], constant])
 
 

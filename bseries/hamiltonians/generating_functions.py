@@ -32,6 +32,7 @@ from bseries.fields.inputs import power_sum
 from bseries.fields.polynomials import Element
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
 from bseries.scene_text import power_table
+from foundation.formulas import formula_text
 from foundation.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
@@ -76,7 +77,7 @@ class GeneratingFunction(NamedTuple):
         return generating_hamiltonian(self.expression(h), self.momenta, self.positions, len(self.terms), h=h)
 
     def __str__(self) -> str:
-        rows = (f"h^{n:<3} {term}" for n, term in enumerate(self.terms, 1))
+        rows = (f"h^{n:<3} {formula_text(term)}" for n, term in enumerate(self.terms, 1))
         return "\n".join([f"generating function of {self.label}", *rows])
 
     def __repr__(self) -> str:
@@ -96,7 +97,7 @@ class GeneratingFunction(NamedTuple):
             "label": self.label,
             "momenta": [str(symbol) for symbol in self.momenta],
             "positions": [str(symbol) for symbol in self.positions],
-            "terms": [{"power": n, "generating_function": str(term)} for n, term in enumerate(self.terms, 1)],
+            "terms": [{"power": n, "generating_function": formula_text(term)} for n, term in enumerate(self.terms, 1)],
         }
 
 

@@ -28,8 +28,10 @@ from bseries.fields.inputs import check_power, in_threads, power_sum, read_state
 from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
+from foundation.formulas import formula_text
 from integrators.core.arguments import items
 from integrators.core.immutable import cached_method
+from integrators.exact.functions import as_function
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
@@ -273,7 +275,7 @@ class NormalForm:
         return f"<NormalForm of {self.scene.name} through {self.parameter}^{self.order}>"
 
     def __str__(self) -> str:
-        rows = (f"{self.parameter}^{k:<3} {term}" for k, term in enumerate(self.terms))
+        rows = (f"{self.parameter}^{k:<3} {formula_text(term)}" for k, term in enumerate(self.terms))
         return "\n".join([f"normal form of {self.scene.name}", *rows])
 
     def to_dict(self) -> dict[str, Any]:
@@ -287,11 +289,15 @@ class NormalForm:
             "actions": list(map(str, self.actions)),
             "angles": list(map(str, self.angles)),
             "terms": [
-                {"power": k, "hamiltonian": str(term), "generating_function": str(self.generating_function(k))}
+                {
+                    "power": k,
+                    "hamiltonian": formula_text(term),
+                    "generating_function": formula_text(self.generating_function(k)),
+                }
                 for k, term in enumerate(self.terms)
             ],
             "denominators": [
-                {"k": list(k), "order": self._elimination.denominators[k][1], "denominator": str(formula)}
+                {"k": list(k), "order": self._elimination.denominators[k][1], "denominator": formula_text(formula)}
                 for k, formula in self.denominators.items()
             ],
             "resonances": [{"k": list(k), "order": order} for k, order in self.resonances.items()],
@@ -468,7 +474,7 @@ class NormalFormMaps:
         unknown = sorted({str(x) for formula in formulas for x in formula.free_symbols.difference(ring.actions)})
         if unknown:
             raise SeriesError(f"scene must have numbers for its parameters to map points, but not for {unknown[0]}")
-        self._powers = sympy.lambdify(ring.actions, formulas, "numpy", cse=True, dummify=True)
+        self._powers = as_function(ring.actions, formulas, "numpy")
         self._orders = np.array([order for order, *_ in monomials])
         self._numbers = np.array([number for _, number, _ in monomials])
         index = {power: at for at, power in enumerate(powers)}

@@ -30,6 +30,7 @@ from bseries.hamiltonians.verdicts import (
     name_of,
 )
 from foundation.diagrams import axis_label, draw_levels, write_title
+from foundation.formulas import formula_text
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import IntegratorError, shown
@@ -358,7 +359,7 @@ class ModifiedHamiltonian:
                 "exists_through": self.verdict.exists_through,
                 "verdict": self.verdict.to_dict(),
                 **scene_text.remarks(series, issues, scene),
-                "terms": [{"power": k, "hamiltonian": str(formula)} for k, formula in rows],
+                "terms": [{"power": k, "hamiltonian": formula_text(formula)} for k, formula in rows],
             }
 
         return Table(

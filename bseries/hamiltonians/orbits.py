@@ -11,6 +11,7 @@ import sympy
 
 from bseries.exceptions import SeriesError
 from integrators.core.errors import IntegratorError
+from integrators.exact.functions import as_function
 from integrators.reference.solution import first_step, reference_solution
 from integrators.scenes.scene import Scene
 
@@ -69,7 +70,7 @@ class Orbit(NamedTuple):
         symbols = self.scene.symbols
         if others := formula.free_symbols - set(symbols):
             raise SeriesError(f"method must have numbers for its parameters, but has {min(map(str, others))}")
-        function = sympy.lambdify(symbols, formula, "mpmath", cse=True)
+        function = as_function(symbols, formula, "mpmath")
         with mpmath.workdps(WORKING_DIGITS):
             if not self.period:
                 return mpmath.mpf(function(*self.y0))

@@ -6,7 +6,7 @@ The one-form B^(−1) r may be not closed at some power of h, or closed but not 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
@@ -21,6 +21,7 @@ from bseries.fields.polynomials import Element
 from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
 from bseries.hamiltonians.orbits import DIGITS, WORKING_DIGITS, mean_of_samples
 from bseries.hamiltonians.verdicts import hamiltonian_order
+from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import canonical_blocks
@@ -55,6 +56,9 @@ class Perturbation:
             difference = self.field.series - modified_field(self.twin, scene, order, parts=parts).series
             label = f"{self.field.label} less that of {self.twin.name}"
             self.series = SceneSeries(scene, self.field.trees, difference.with_label(label))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(Perturbation, parts=self._parts), (self._method, self.scene, self.field.order)
 
     @property
     def has_formulas(self) -> bool:
@@ -205,7 +209,7 @@ def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
         raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
     start = scene.start or (0,) * scene.dimension
     others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
-    function = sympy.lambdify(x, formula.subs(others), "mpmath", cse=True)
+    function = as_function([x], formula.subs(others), "mpmath")
     length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
     mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
     return PeriodGain(name, period, sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0), DIGITS)

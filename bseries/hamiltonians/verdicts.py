@@ -17,7 +17,6 @@ from random import Random
 from typing import Any, NamedTuple
 
 import mpmath
-import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
@@ -30,6 +29,7 @@ from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from bseries.scene_text import with_effects
 from foundation.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.exact.functions import as_function
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.catalogue.registry import as_scene
@@ -242,7 +242,7 @@ def hamiltonian_order(f: SceneSeries) -> int:
 
 def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
     """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
-    terms, entries = f.at_digits(DIGITS).terms, sympy.lambdify(f.scene.symbols, structure, "mpmath", dummify=True)
+    terms, entries = f.at_digits(DIGITS).terms, as_function(f.scene.symbols, structure, "mpmath")
     random, step = Random(1), mpmath.mpf(STEP)
     centre = [1.0] * f.dimension if f.scene.start is None else f.scene.y0.tolist()
     y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]

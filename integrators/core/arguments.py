@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import operator
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard
+from unicodedata import normalize
 
 from foundation.extras import loaded_module
 from integrators.core.errors import IntegratorError, shown
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 MOST_STEPS = 2**53
 """The largest number of steps; a double does not represent every larger integer."""
 MOST_DIGITS = 1000
+_NOT_SHOWN = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+"""Control characters, which a terminal obeys, ends of lines, and surrogates, which no encoding has."""
 
 
 def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
@@ -81,17 +85,35 @@ def items(value: Any, argument: str) -> list[Any]:
     return list(value)
 
 
-def check_label(value: object, argument: str) -> None:
-    """Refuse a name or reference that is neither text nor None."""
+def check_label(value: object, argument: str, *, lines: bool = False) -> None:
+    """Refuse a name or reference that is neither None nor text that can be shown, in one line or perhaps in several."""
     if value is not None and not isinstance(value, str):
         raise IntegratorError(f"{argument} must be text, but was {shown(value)}")
+    if value and (found := _NOT_SHOWN.search(value.translate(dict.fromkeys(b"\t\r\n")) if lines else value)):
+        raise IntegratorError(f"{argument} must be text that can be shown, but has {found[0]!a} in {shown(value)}")
 
 
 def read_labels(name: str | None, reference: str | None) -> dict[str, str | None]:
     """The name of a method, ``custom`` by default, and its reference."""
     check_label(name, "name")
-    check_label(reference, "reference")
+    check_label(reference, "reference", lines=True)
     return {"name": "custom" if name is None else name, "reference": reference}
+
+
+def check_distinct(names: Iterable[str], argument: str) -> None:
+    """Refuse names that are spelled differently, but equal as identifiers: Python and many fonts take ﬁ for fi."""
+    known: dict[str, str] = {}
+    for name in names:
+        if known.setdefault(identifier(name), name) != name:
+            first = known[identifier(name)]
+            raise IntegratorError(
+                f"{argument} must differ as identifiers, but {first} ({first!a}) and {name} ({name!a}) do not"
+            )
+
+
+def identifier(name: str) -> str:
+    """A name as Python reads it as an identifier, in the normal form NFKC."""
+    return name if name.isascii() else normalize("NFKC", name)
 
 
 def check_partition_names(names: Iterable[Any]) -> None:
@@ -105,6 +127,7 @@ def check_partition_names(names: Iterable[Any]) -> None:
             )
     if len(set(given)) < len(given):
         raise IntegratorError(f"parts must have different names, but were {', '.join(given)}")
+    check_distinct(given, "names of partitions")
 
 
 FAILURES = (TypeError, AttributeError, NameError, ValueError, LookupError, ArithmeticError, RecursionError)

@@ -6,10 +6,10 @@ Operations refuse their arguments by an `ArithmeticError` with the predicate of 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import lcm, prod
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 if TYPE_CHECKING:
     import sympy
@@ -25,6 +25,9 @@ MAX_EXPONENT = 100
 MAX_RADICAND_BITS = 400
 """SymPy factors radicands, which is slow beyond some hundreds of digits."""
 MAX_ARGUMENT = 10_000
+LARGEST_NUMBER = 10**1000
+"""Largest number whose power, exponential or sine is formed where numbers are put for symbols, or computed in many
+digits: beyond it these take longer and longer, and then all memory, as sin(exp(exp(30))) does."""
 MAX_NESTING = 6
 """Largest nesting depth of powers and functions, since SymPy takes exponential time to determine signs."""
 MOST_DEGREE = 16
@@ -68,9 +71,9 @@ def _bits(value: Exact) -> int:
 
 
 def _nesting(value: sympy.Basic) -> int:
-    """The nesting depth of powers and functions of formulas."""
+    """The nesting depth of powers and functions of formulas, in bases and exponents."""
     inner = max(map(_nesting, value.args), default=0)
-    applied = (value.is_Pow or value.is_Function) and bool(value.args[0].args)
+    applied = (value.is_Pow or value.is_Function) and any(argument.args for argument in value.args)
     return inner + 1 if applied else inner
 
 
@@ -180,7 +183,11 @@ def apply(name: str, argument: Exact) -> Exact:
     """The elementary function with this name, applied to an argument."""
     import sympy
 
-    return bounded(getattr(sympy, name)(_limited_argument(sympy.sympify(argument, strict=True))))
+    x = _limited_argument(sympy.sympify(argument, strict=True))
+    inverses = sympy.asin, sympy.acos, sympy.atan, sympy.asinh, sympy.acosh, sympy.atanh
+    if x.has(*inverses) and _bits(x) > MAX_RADICAND_BITS // 2:  # SymPy writes sin(atan(x)) with √(1 + x²)
+        raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
+    return bounded(getattr(sympy, name)(x))
 
 
 def _limited_argument(argument: Any) -> Any:
@@ -188,6 +195,34 @@ def _limited_argument(argument: Any) -> Any:
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
         raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")
     return argument
+
+
+def substituted(formula: sympy.Expr, numbers: Mapping[Any, Any]) -> sympy.Expr:
+    """A formula with numbers for some symbols; powers and functions are refused before SymPy computes huge ones.
+
+    As in `root`, odd roots of negative numbers are negative.
+    """
+    if formula in numbers:
+        return numbers[formula]
+    if formula.free_symbols.isdisjoint(numbers):
+        return formula
+    parts: Any = [substituted(cast("sympy.Expr", part), numbers) for part in formula.args]
+    if (formula.is_Pow or formula.is_Function) and all(part.is_number for part in parts):
+        if not all(abs(part.evalf(5)) <= LARGEST_NUMBER for part in parts[formula.is_Pow :]):
+            raise ArithmeticError("has a power or function of a number beyond 10^1000")
+        if formula.is_Pow:
+            return _number_power(*parts)
+    return cast("sympy.Expr", formula.func(*parts))
+
+
+def _number_power(base: Any, exponent: Any) -> Any:
+    if base.is_Rational and exponent.is_Integer and abs(exponent) * (_bits(base) - 1) > MAX_BITS:
+        raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
+    if exponent.is_Rational and not exponent.is_Integer and _bits(base) > MAX_RADICAND_BITS:
+        raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
+    if exponent.is_Rational and exponent.q > 1 and exponent.q % 2 and base.is_negative:
+        return (-1) ** exponent.p * (-base) ** exponent
+    return base**exponent
 
 
 def algebraic(value: Exact) -> Exact:
@@ -232,12 +267,17 @@ def _cosines(formulas: Iterable[sympy.Expr]) -> set[Any]:
 
 
 def _cosine_degree(cosines: Iterable[Any]) -> int:
-    """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n."""
+    """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n.
+
+    Cosines of other arguments than rational multiples of π are not algebraic, and count as symbols do.
+    """
     import sympy
 
     n = 1
     for cosine in cosines:
         ratio = cosine.args[0] / (2 * sympy.pi)
+        if not ratio.is_Rational:
+            continue
         if not isinstance(cosine, sympy.sin):
             n = lcm(n, int(ratio.q))
         if not isinstance(cosine, sympy.cos):  # sin x = cos(π/2 − x)

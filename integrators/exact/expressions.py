@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from integrators.core.arguments import check_distinct, identifier
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.arithmetic import Exact
@@ -108,7 +109,7 @@ def decimal_text(value: Fraction) -> str:
     """
     places = value.denominator.bit_length()
     scaled = value * 10**places
-    if scaled.denominator > 1:
+    if scaled.denominator > 1 or places > exact.MAX_DIGITS:
         return str(value)
     digits = str(abs(scaled.numerator)).rjust(places + 1, "0")
     return "-" * (value < 0) + f"{digits[:-places]}.{digits[-places:]}".rstrip("0").rstrip(".")
@@ -121,10 +122,11 @@ def check_names(names: Iterable[str], argument: str) -> tuple[str, ...]:
     checked = tuple(names)
     for name in checked:
         match = _TOKEN.fullmatch(name) if isinstance(name, str) else None
-        if match is None or match["name"] != name or name in (*ROOTS, *FUNCTIONS, *NOT_FINITE):
+        if match is None or match["name"] != name or identifier(name) in (*ROOTS, *FUNCTIONS, *NOT_FINITE):
             raise IntegratorError(
                 f"{argument} must be letters, digits and _ and not name a function, but one was {shorten(str(name))!r}"
             )
+    check_distinct(checked, argument)
     return checked
 
 
@@ -289,7 +291,7 @@ class _Parser:
 
     def number(self, token: str, position: int) -> Fraction:
         exponent = token.lower().partition("e")[2].lstrip("+-0")
-        if len(token) > exact.MAX_DIGITS or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
+        if len(token) > exact.MAX_DIGITS + 1 or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
             self.refuse(f"has a number of more than {exact.MAX_DIGITS} digits", position)
         return self.compute(position, exact.bounded, Fraction(token))
 

@@ -118,8 +118,10 @@ def merged_blocks(blocks: Iterable[Block]) -> Block:
 
 
 KIND = "ensemble"
-NAMED = {"name": (None, str)}
-HEAD = {"kind": str, "names": [str], "meta": {"method": NAMED, "scene": NAMED, "members": int}}
+NUMBER = int, float
+NAMED = {"name": str}
+META = {"method": NAMED, "scene": NAMED, "members": int, "steps": int, "h": NUMBER, "change": [(None, str)]}
+HEAD = {"kind": str, "names": [str], "meta": META}
 BLOCK = {
     "count": Form("i", ("times",)),
     **dict.fromkeys(Statistics._fields[1:], Form("f", ("times", "quantities"))),
@@ -127,7 +129,6 @@ BLOCK = {
     "ends": Form("f", ("ends", "variables")),
     "failures": TEXT,
 }
-NUMBER = int, float
 FAILURE = {"member": int, "step": int, "t": NUMBER, "y": (None, [NUMBER]), "reason": str}
 """The content of the files."""
 
@@ -302,8 +303,10 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         if head["kind"] != KIND:
             raise ValueError("it holds something else")
         names, t = head["names"], arrays.read({"t": Form("f", ("times",))})["t"]
-        if not np.isfinite(t).all():
-            raise ValueError("t must be finite, but was not")
+        if not len(t) or not np.isfinite(t).all():
+            raise ValueError("t must be finite times, but was not")
+        if len(head["meta"]["change"]) != len(names):
+            raise ValueError(f"meta.change must have an entry for each of {len(names)} quantities, but had not")
         return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
 
 

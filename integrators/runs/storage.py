@@ -322,4 +322,8 @@ class Checkpoint:
 
 def checksum(arrays: Mapping[str, Any]) -> str:
     """A hash that detects changes of a checkpoint."""
-    return sha256(b"".join(np.asarray(arrays[name]).tobytes() for name in sorted(arrays))).hexdigest()
+    found = sha256()
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        found.update(f"{name} {array.dtype.str} {array.shape} ".encode() + array.tobytes())
+    return found.hexdigest()

@@ -15,7 +15,7 @@ from foundation.extras import optional_module
 from foundation.numbers import finite_or_none
 from foundation.plotting import drawing
 from foundation.table import Column, LazyRows, Table, Tabular, number_column
-from integrators.core.arguments import items
+from integrators.core.arguments import check_label, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.stored_arrays import (
     MOST_TEXT,
@@ -268,7 +268,8 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         meta = read_json(arrays.read({"meta": TEXT})["meta"], META, "meta") if "meta" in stored else {}
         observed = {key.removeprefix(OBSERVED): values for key, values in found.items() if key.startswith(OBSERVED)}
         labels = {"h": float(found["h"]), "variables": found["variables"], "observed": observed, "meta": meta}
-        return _checked(Trajectory(found["t"], found["y"], observed_t=found.get("observed_t"), **labels))
+        times = {name: np.asarray(found[name], float) for name in ("t", "observed_t") if name in found}
+        return _checked(Trajectory(y=found["y"], **times, **labels))
 
 
 def read_run(folder: str) -> dict[str, Any]:
@@ -303,6 +304,8 @@ def _checked(run: Trajectory) -> Trajectory:
     """
     if len(set(run.variables)) < len(run.variables):
         raise ValueError(f"variables must have different names, but were {shorten(', '.join(run.variables))}")
+    for name in (*run.variables, *run.observed):
+        check_label(name, "names of variables and quantities")
     if not 0 < abs(run.h) <= sys.float_info.max:
         raise ValueError(f"h must be finite and not 0, but was {shorten(str(run.h))}")
     if not isinstance(run.y, np.memmap) and not np.isfinite(run.y).all():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.arithmetic import substituted
+from integrators.exact.functions import as_function
 from integrators.scenes.model.blocks import ROLES, TIME, component_places
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System, output_formula
@@ -112,14 +115,14 @@ def _check_flat(guard: Guard, scene: System) -> None:
     if scene.start is not None:
         symbols = cast("set[Any]", formula.free_symbols)
         values = {symbol: scene.start[scene.places[symbol.name]] for symbol in symbols if symbol.name in scene.places}
-        formula = cast("sympy.Expr", formula.xreplace(values))
-    _check(guard, formula)
+        _check_at(guard, formula, values)
+    else:
+        _check(guard, formula)
 
 
 def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     """Check a guard in double precision at every row of sites, then exactly at rows with values near zero."""
     import numpy as np
-    import sympy
 
     formula = filled(guard.formula, scene)
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
@@ -131,12 +134,12 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     rows = _rows(sites, [values.doubles for values in known if values.varies])
     arguments = [values.doubles[rows[:, values.role]] for values in known]
     with np.errstate(all="ignore"):
-        found = np.broadcast_to(sympy.lambdify(symbols, formula, "numpy")(*arguments), len(rows))
+        found = np.broadcast_to(as_function(symbols, formula, "numpy")(*arguments), len(rows))
     size = np.abs(found) if guard.relation == "!=" else found
     suspects = np.flatnonzero(~(size > SMALL))
     for row in rows[suspects[np.argsort(size[suspects])][:MAX_SUSPECTS]]:
         exact = {symbol: values.exact[row[values.role]] for symbol, values in zip(symbols, known, strict=True)}
-        _check(guard, cast("sympy.Expr", formula.xreplace(exact)), row)
+        _check_at(guard, formula, exact, row)
 
 
 class _SiteValues(NamedTuple):
@@ -174,6 +177,12 @@ def _rows(sites: Sites, variables: Sequence[np.ndarray]) -> np.ndarray:
         order = np.lexsort(variables) if variables else np.arange(sites.count)
         return np.column_stack([order[:-1], order[1:]])
     return np.array(list(sites.rows()), dtype=int).reshape(-1, sites.roles)
+
+
+def _check_at(guard: Guard, formula: sympy.Expr, values: Mapping[Any, sympy.Expr], row: Iterable[int] = ()) -> None:
+    """Refuse values that do not satisfy a guard, unless they make it too large to be computed."""
+    with suppress(ArithmeticError):
+        _check(guard, substituted(formula, values), row)
 
 
 def _check(guard: Guard, value: sympy.Expr, row: Iterable[int] = ()) -> None:
@@ -232,8 +241,8 @@ def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
         symbols = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         symbols += [sympy.Symbol(f"d{k}") for k in range(len(term.data))]
         values = [output_formula(term, output) for output in term.outputs]
-        data = sympy.lambdify((), [list(data.values) for data in term.data], "mpmath")
-        made.append((term, sympy.lambdify(symbols, values, "mpmath", cse=True), data))
+        data = as_function((), [list(data.values) for data in term.data], "mpmath")
+        made.append((term, as_function(symbols, values, "mpmath"), data))
 
     def field(y: Sequence[Any]) -> list[Any]:
         out = [mpmath.mpf(0)] * len(y)
@@ -251,12 +260,9 @@ def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
 
 def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
     """The terms ∂I/∂y_k f_k of an invariant as a function of y and f(y)."""
-    import sympy
-
     formula = filled(scene.invariants[name], scene)
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
     places = [scene.places[symbol.name] for symbol in symbols]
-    # Symbols are replaced because a variable may have the name of an mpmath function.
     partial = [formula.diff(symbol) for symbol in symbols]
-    gradient = sympy.lambdify(symbols, partial, "mpmath", cse=True, dummify=True)
+    gradient = as_function(symbols, partial, "mpmath")
     return lambda y, f: [g * f[k] for g, k in zip(gradient(*(y[k] for k in places)), places, strict=True)]

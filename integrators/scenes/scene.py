@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from unicodedata import name as unicode_name
 
+from foundation.formulas import formula_text
 from foundation.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
 from integrators.core.errors import shorten
@@ -17,7 +18,6 @@ from integrators.scenes.checks import check_domain, defects
 from integrators.scenes.model import declarations
 from integrators.scenes.model.blocks import ROLES
 from integrators.scenes.model.declarations import Declaration
-from integrators.scenes.model.formulas import formula_text
 from integrators.scenes.model.system import LocalTerm, System
 from integrators.scenes.model.terms import Effect, Term, check_active, check_effects, sorted_summands
 from integrators.scenes.particles import expansion
@@ -95,7 +95,7 @@ class Scene(System, Tabular):
     ):  # fmt: skip
         labels = {"name": name, "reference": reference, "summary": summary}
         for argument, label in labels.items():
-            check_label(label, argument)
+            check_label(label, argument, lines=argument != "name")
         effects = check_effects(effects or {})
         declaration = declarations.read_declaration(
             variables, hamiltonian, field, terms, poisson, parameters or {}, invariants or {}, start or {}, positive,

@@ -159,9 +159,10 @@ def _find_blocks(names: Sequence[str]) -> dict[str, list[str]]:
 
 def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
     """Momenta and positions in pairs, sorted by number and axis."""
-    endings: dict[str, set[tuple[int, str, str]]] = {}
+    endings: dict[str, set[tuple[int, str, str, str]]] = {}
     for match in filter(None, map(_CANONICAL.fullmatch, names)):
-        ending = int(match["number"] or 0), match["axis"] or "", match["ending"]
+        number = (match["number"] or "").lstrip("0")  # which may have more digits than Python reads
+        ending = len(number), number, match["axis"] or "", match["ending"]
         endings.setdefault(match["block"], set()).add(ending)
     pair = canonical_names(endings)
     if pair is None or endings[pair[0]] != endings[pair[1]]:  # only conjugates of p and q may be missing in the text
@@ -172,7 +173,7 @@ def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
             "hamiltonian must have names such as p, q, p1, qx, or a pair such as v, x, or blocks must be given, "
             "but had none"
         )
-    return {block: [block + ending for _, _, ending in found] for block in pair}
+    return {block: [block + ending for *_, ending in found] for block in pair}
 
 
 def _read_blocks(blocks: Any) -> dict[str, list[str]]:

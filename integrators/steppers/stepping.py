@@ -100,6 +100,9 @@ class Stepper:
         self.source = self._compiled(self._first_solver).text
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Stepper, (self.scene, self.method, self._parts, self._options)
+
     @cached_method
     def _compiled(self, solver: str) -> StepSource:
         return compile_step(self.method, self.scene, self._parts, self._options._replace(solver=solver))

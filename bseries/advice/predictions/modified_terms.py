@@ -11,6 +11,7 @@ import sympy
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import structure_matrix
+from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method, Program, mapped
 from integrators.scenes.scene import Scene
 
@@ -100,5 +101,5 @@ def gradient(scene: Scene) -> Any:
     formula: Any = scene.hamiltonian
     values: Any = list(scene.parameter_values.items())
     gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]
-    function = sympy.lambdify([scene.symbols], gradients, "numpy", cse=True)
-    return lambda y: np.array([np.broadcast_to(row, y.shape[1:]) for row in function(y)])
+    function = as_function(scene.symbols, gradients, "numpy")
+    return lambda y: np.array([np.broadcast_to(row, y.shape[1:]) for row in function(*y)])

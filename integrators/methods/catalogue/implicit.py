@@ -43,20 +43,16 @@ def legendre(degree: int) -> Polynomial:
     return tuple(Fraction((-1) ** (degree - k) * comb(degree, k) * comb(degree + k, k)) for k in range(degree + 1))
 
 
-def _family_nodes(difference: int, sign: int) -> Callable[[int], Polynomial]:
-    """The monic multiples of P_s + sign · P_(s − difference), whose roots are the nodes of s stages."""
-
-    def nodes(stages: int) -> Polynomial:
-        p = add(legendre(stages), scale(legendre(stages - difference), sign))
-        return scale(p, 1 / p[-1])
-
-    return nodes
+def _nodes(difference: int, sign: int, stages: int) -> Polynomial:
+    """The monic multiple of P_s + sign · P_(s − difference), whose roots are the nodes of s stages."""
+    p = add(legendre(stages), scale(legendre(stages - difference), sign))
+    return scale(p, 1 / p[-1])
 
 
-gauss_nodes = _family_nodes(0, 0)
-radau_left_nodes = _family_nodes(1, 1)  # c_1 = 0
-radau_right_nodes = _family_nodes(1, -1)  # c_s = 1
-lobatto_nodes = _family_nodes(2, -1)  # c_1 = 0 and c_s = 1
+gauss_nodes = partial(_nodes, 0, 0)
+radau_left_nodes = partial(_nodes, 1, 1)  # c_1 = 0
+radau_right_nodes = partial(_nodes, 1, -1)  # c_s = 1
+lobatto_nodes = partial(_nodes, 2, -1)  # c_1 = 0 and c_s = 1
 
 
 def quadrature(nodes: Polynomial) -> tuple[Fraction, ...]:

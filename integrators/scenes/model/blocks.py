@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from integrators.core.arguments import as_lists, canonical_names, is_listed
+from integrators.core.arguments import as_lists, canonical_names, identifier, is_listed
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.expressions import check_names
 
@@ -70,10 +70,12 @@ def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) ->
 
 
 def check_symbols(names: Iterable[str], argument: str) -> tuple[str, ...]:
-    """Check that names are valid in formulas, where pi is a number."""
+    """Check that names are valid in formulas, where pi is a number, and a name that is equal to t as identifier not."""
     checked = check_names(names, argument)
-    if "pi" in checked:
-        raise IntegratorError(f"{argument} must not be called pi, which is a number, but one was")
+    for name in checked:
+        if identifier(name) in ("pi", TIME) and name != TIME:
+            what = "a number" if identifier(name) == "pi" else "the time"
+            raise IntegratorError(f"{argument} must not be called {identifier(name)}, which is {what}, but one was")
     return checked
 
 

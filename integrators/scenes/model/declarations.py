@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapp
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from integrators.core.arguments import as_lists, is_listed, items
+from foundation.formulas import formula_text
+from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.expressions import MAX_LENGTH, decimal_text
@@ -20,7 +21,7 @@ from integrators.scenes.model.blocks import (
     component_places,
     read_blocks,
 )
-from integrators.scenes.model.formulas import formula_text, read_formula, read_numbers, stable_form
+from integrators.scenes.model.formulas import read_formula, read_numbers, stable_form
 from integrators.scenes.model.terms import KINDS, Effect, Key, Sites, Term, numbered
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ def register_names(
         register(numbered({name: value}), f"a value of the parameter {label}{name}", in_formulas=True)
     for name in (*(component for block in blocks for component in block.components), *several):
         register((f"{name}_{role}" for role in ROLES), f"{label}{name} at a site")
+    check_distinct(taken, "names")
     return flat
 
 
@@ -254,8 +256,8 @@ def read_declaration(
     blocks = read_blocks(variables)
     if not blocks:
         raise IntegratorError("variables must have at least one block, but had none")
-    if any(block.name == TIME and block.variables != (TIME,) for block in blocks):
-        raise IntegratorError(f"variables.{TIME} must be the time alone, but had other variables")
+    if any(TIME in names != (TIME, TIME) for names in ((block.name, *block.variables) for block in blocks)):
+        raise IntegratorError(f"variables.{TIME} must be the time, in a block {TIME} of its own, but was not")
     values = read_parameters(parameters)
     taken: dict[str, str] = {}
     flat = register_names(blocks, values, "", taken)
@@ -265,6 +267,8 @@ def read_declaration(
     summands = read_summands(hamiltonian, field, terms, namespace)
     if not isinstance(invariants, Mapping) or not all(isinstance(name, str) for name in invariants):
         raise IntegratorError(f"invariants must map names to formulas, but was {shown(invariants)}")
+    for name in (*invariants, *effects):
+        check_label(name, "names of invariants and effects")
     read = Declaration(
         base=Contribution(blocks, values, summands, read_start(start, blocks)),
         effects={},
@@ -357,6 +361,11 @@ def assemble(scene: Declaration, active: Collection[str]) -> Assembly:
 
 def check_equations(system: Assembly, poisson: Matrix | None, label: str = "") -> None:
     """Refuse a Hamiltonian without a symplectic or Poisson structure, and variables without an equation."""
+    rates = [formula for (target, _, _), formula in system.summands.items() if target == TIME]
+    if rates and sum(rates) != 1:
+        raise IntegratorError(
+            f"{label}field.{TIME} must be 1, since {TIME} is the time, but was {shorten(str(sum(rates)))}"
+        )
     known = bytearray(system.blocks[-1].end)
     hamiltonian = [sites for target, sites, _ in system.summands if target is None]
     if poisson is not None:

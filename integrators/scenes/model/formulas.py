@@ -6,18 +6,18 @@ import re
 from collections.abc import Collection, Iterable
 from decimal import Decimal
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
+from foundation.formulas import formula_text
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, nearest_double, parse_expression
 
 if TYPE_CHECKING:
     import sympy
-    from sympy.printing.str import StrPrinter
 
 KNOWN = frozenset((*FUNCTIONS, *ROOTS, "pi"))
 """All names with a meaning in formulas."""
@@ -72,11 +72,6 @@ def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]
 def words(text: str) -> dict[str, None]:
     """The names of symbols and functions in a text, in their order."""
     return dict.fromkeys(_WORD.findall(text))
-
-
-def formula_text(formula: sympy.Expr) -> str:
-    """The text of a formula, in the syntax of `read_formula`."""
-    return _printer().doprint(formula)
 
 
 def as_float(value: sympy.Expr) -> float:
@@ -176,16 +171,3 @@ def _fraction_of(number: sympy.Float) -> Fraction:
     double = float(number)
     same = isfinite(double) and sympy.Rational(double) == sympy.Rational(number)
     return Fraction(repr(double) if same else str(number))
-
-
-@cache
-def _printer() -> StrPrinter:
-    from sympy.printing.str import StrPrinter
-
-    class FormulaPrinter(StrPrinter):
-        """SymPy's printer with exp(1) for the number e, which has no name in formulas."""
-
-        def _print_Exp1(self, expr: object) -> Any:
-            return "exp(1)"
-
-    return FormulaPrinter()

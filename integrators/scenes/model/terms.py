@@ -182,7 +182,7 @@ class Effect(ImmutableValue):
             if value is not None and not isinstance(value, Mapping):
                 raise IntegratorError(f"{name} of an effect must be a mapping, but was {shown(value)}")
             self.__dict__[name] = MappingProxyType({key: _immutable(entry) for key, entry in (value or {}).items()})
-        check_label(summary, "summary of an effect")
+        check_label(summary, "summary of an effect", lines=True)
         terms, breaks = tuple(items(terms, "terms of an effect")), tuple(items(breaks, "breaks"))
         self.__dict__.update(hamiltonian=hamiltonian, terms=terms, breaks=breaks, summary=summary)
         if hamiltonian is None and not field and not terms:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from integrators.core.errors import IntegratorError, shorten
+from integrators.exact.arithmetic import substituted
 from integrators.scenes.model.blocks import ROLES, TIME, Block, canonical_blocks, component_places
 from integrators.scenes.model.system import LOCAL_NAME, VALUE, Argument, Data, LocalTerm, Output, Place, System
 from integrators.scenes.model.terms import Sites, Summand
@@ -27,9 +28,12 @@ def filled(formula: sympy.Expr, scene: System) -> sympy.Expr:
     values = scene.parameter_values
     symbols = cast("set[sympy.Symbol]", formula.free_symbols)
     used = {s: values[s.name] for s in symbols if s.name in values}
-    result = cast("sympy.Expr", formula.xreplace(used))
+    try:
+        result = substituted(formula, used)
+    except ArithmeticError as error:
+        raise IntegratorError(f"parameters must make {shorten(str(formula))} small enough, but it {error}") from None
     if used and result.has(sympy.I):
-        given = ", ".join(sorted(f"{symbol} = {value}" for symbol, value in used.items()))
+        given = ", ".join(sorted(f"{symbol} = {shorten(str(value))}" for symbol, value in used.items()))
         raise IntegratorError(f"parameters must make {shorten(str(formula))} real, but were {given}")
     return result
 

@@ -78,6 +78,7 @@ def test_derivatives_are_those_of_sympy(formula, along):
         (sqrt(x) * x ** sympy.Rational(1, 3), x ** sympy.Rational(5, 6)),
         (1 / (sqrt(2) * x), sqrt(2) / (2 * x)),
         (sqrt(3) * sqrt(6), 3 * sqrt(2)),
+        (sympy.E * exp(-1) * x + exp(sympy.Rational(3, 2)), x + sympy.E * exp(sympy.Rational(1, 2))),
         (x ** (2 * a - 1), (x**a) ** 2 / x),
     ],
     ids=str,

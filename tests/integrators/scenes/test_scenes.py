@@ -158,7 +158,7 @@ BAD = {
     "of two blocks": ({"variables": {"p": ["u"], "q": ["u"]}}, "u stands for a variable of the block p and a var"),
     "q1 and 11 sites": ({"variables": {"q": 11, "q1": 1}}, "q1 stands for a variable of the block q and a variable of"),
     "qx and sites": ({"variables": {"q": [5, 2], "qx": 1}}, "qx_i stands for qx at a site and qx at a site"),
-    "t in three": ({"variables": {"t": 3}}, "variables.t must be the time alone"),
+    "t in three": ({"variables": {"t": 3}}, "variables.t must be the time"),
     "no equation": ({"hamiltonian": None}, "must have an equation for every variable, but has none for p, q"),
     "missing equation": ({"hamiltonian": None, "field": {"p": "q"}}, "but has none for q$"),
     "other equation": ({"field": {"r": "p"}}, "field must have equations for p, q, but has one for 'r'"),
@@ -411,11 +411,16 @@ def test_the_time_becomes_a_variable_and_it_is_said():
     assert rich().notes == ()
 
 
-def test_a_variable_t_of_ones_own_is_one_like_others():
-    scene = Scene({"z": ["x", "t"]}, field={"x": "t*x", "t": "2"})
+def test_a_variable_t_is_the_time():
+    scene = Scene({"x": 1, "t": 1}, field={"x": "t*x", "t": "1"})
     assert scene.variables == ("x", "t")
     assert scene.notes == ()
-    assert scene.field[1] == 2
+    with pytest.raises(IntegratorError, match=r"variables.t must be the time"):  # a run would set it to the time
+        Scene({"z": ["x", "t"]}, field={"x": "t*x", "t": "1"})
+    with pytest.raises(IntegratorError, match=r"field.t must be 1, since t is the time, but was 2"):
+        Scene({"x": 1, "t": 1}, field={"x": "t*x", "t": "2"})
+    with pytest.raises(IntegratorError, match=r"effects.fast.field.t must be 1"):
+        Scene({"x": 1, "t": 1}, field={"x": "x", "t": "1"}, effects={"fast": Effect(field={"t": "1"})})
 
 
 def test_the_time_enters_terms_over_sites_and_poisson_systems():
