@@ -18,6 +18,7 @@ from bseries.exceptions import SeriesError
 from integrators.core.arguments import check_digits
 from integrators.core.errors import shorten, shown
 from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
+from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
 from trees.counting import count_trees
 from trees.notation import check_names
@@ -28,6 +29,7 @@ MOST_BYTES = 200_000_000
 MOST_TREES = 5_000_000
 KEYS = ("method", "order", "domain", "colors", "empty", "terms")
 RATIONAL = re.compile(rf"-?\d{{1,{MOST_DIGITS}}}(?:/0*[1-9]\d{{0,{MOST_DIGITS - 1}}})?", re.ASCII)
+ROOT = re.compile(r"CRootOf\(([^(),]{1,2000}), (\d{1,3})\)", re.ASCII)
 FLOAT = re.compile(r"-?\d{1,400}(?:\.\d{1,400})?(?:e[-+]?\d{1,4})?", re.ASCII)
 
 
@@ -122,7 +124,32 @@ def _number(text: Any, domain: str | None, argument: str) -> Any:
         if domain in ("RR", None) and FLOAT.fullmatch(text) and isfinite(float(text)):
             return float(text)
         if domain not in ("QQ", "RR"):
-            names = set(re.findall(r"[^\W\d]\w*", text)) - {*ROOTS, *ELEMENTARY, "pi"}
-            return parse_expression(text, names=sorted(names), argument=argument)
+            return _formula(text, argument)
     place = "" if domain is None else f" in {shorten(domain)}"
     raise SeriesError(f"{argument} must be the text of a number{place}, but was {shown(text)}")
+
+
+def _formula(text: str, argument: str) -> Any:
+    """A formula of symbols and of numbers, also of roots of polynomials as SymPy writes them."""
+    import sympy
+    from sympy.polys.polyerrors import BasePolynomialError
+
+    roots: dict[Any, Any] = {}
+
+    def named(match: re.Match[str]) -> str:
+        polynomial, root = parse_expression(match[1], names=["x"], functions=(), argument=argument), None
+        try:
+            if (form := sympy.Poly(polynomial, sympy.Symbol("x"), domain="ZZ")).degree() <= MOST_DEGREE:
+                root = sympy.CRootOf(form, int(match[2]))
+        except (BasePolynomialError, IndexError, NotImplementedError):
+            pass
+        if not isinstance(root, sympy.CRootOf) or not root.is_real:
+            what = f"real roots of integer polynomials up to degree {MOST_DEGREE} only"
+            raise SeriesError(f"{argument} must have {what}, but had {shown(match[0])}")
+        name = f"root_{len(roots)}_of_polynomial"
+        roots[sympy.Symbol(name)] = root
+        return name
+
+    plain = ROOT.sub(named, text)
+    names = set(re.findall(r"[^\W\d]\w*", plain)) - {*ROOTS, *ELEMENTARY, "pi"}
+    return parse_expression(plain, names=sorted(names), argument=argument).xreplace(roots)

@@ -388,7 +388,7 @@ def _notes(report: Report) -> Iterator[str]:
             f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
             "and residuals that these digits cannot tell from zero count as zero."
         )
-    if getattr(report.method, "domain", "") == "float":
+    elif trusted(report.method).digits is not None:
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
     names = report.method.names
     if report.structure and len(names) > 1:
