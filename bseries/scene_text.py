@@ -72,7 +72,7 @@ def remarks(series: Any, issues: Sequence[str], scene: Scene) -> dict[str, Any]:
 def formula_notes(series: Any, issues: Sequence[str], scene: Scene, *, nonzero: bool) -> Iterator[str]:
     """Sentences on the numbers in formulas on a scene."""
     if series.digits is not None:
-        yield f"The tableau is published as decimals with {series.digits} digits, and so are these formulas."
+        yield f"The tableau has decimals with {series.digits} correct digits, and so are these formulas."
     elif not series.is_exact:
         yield f"Floating point: {FLOATS}, so the numbers carry rounding errors."
     for note in scene.notes:

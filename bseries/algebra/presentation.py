@@ -148,7 +148,7 @@ def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bo
         yield f"Exact coefficients, in {domain}."
     if digits is not None and domain != "RR":
         yield (
-            f"The tableau is published as decimals with {digits} digits: numbers are rounded accordingly, and "
+            f"The tableau has decimals with {digits} correct digits: numbers are rounded accordingly, and "
             "those that are zero within these digits are 0."
         )
     if nonzero:

@@ -385,7 +385,7 @@ def _notes(report: Report) -> Iterator[str]:
         yield f"e(τ) = (a(τ) - 1/γ(τ))/σ(τ): the error of a step is h^{p + 1} Σ e(τ) F(τ) + O(h^{p + 2})."
     if report.method.digits is not None:
         yield (
-            f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
+            f"The tableau has decimals with {report.method.digits} correct digits: numbers are rounded to as many, "
             "and residuals that these digits cannot tell from zero count as zero."
         )
     elif trusted(report.method).digits is not None:

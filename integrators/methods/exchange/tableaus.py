@@ -14,7 +14,7 @@ from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
-from integrators.methods.exchange.formats import FORMATS, Entries, Format
+from integrators.methods.exchange.formats import FORMATS, Entries, Format, plain_format
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
@@ -75,7 +75,8 @@ def import_tableau(
         source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
             `ARKodeButcherTable_Write` prints, or a file of RungeKutta.jl. Or an object: a method of nodepy; a
             `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
-        format: The format, as for `export_tableau`; by default recognised.
+        format: The format, as for `export_tableau`; by default recognised. Assignments of A, b, c and bhat without a
+            package around them need none.
         name: The name of the method; by default that in the source, or ``custom``.
         fractions: Whether doubles and long decimals become the fractions behind them: each the nearest with a
             denominator of at most 10^6, if it rounds to the same double. This needs all entries to be such fractions,
@@ -125,13 +126,16 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
     """The format of a text, the arrays in it, and the name of its method."""
     if len(text) > MOST_CHARACTERS:
         raise IntegratorError(f"text must have at most {MOST_CHARACTERS:,} characters, but has {len(text):,}")
-    if format is None:
-        fits = [name for name, form in FORMATS.items() if re.search(form.marks, text, re.MULTILINE)]
-        if len(fits) != 1:
-            what = f"of {' and '.join(fits)}" if fits else "of none"
-            raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
-        format = fits[0]
-    form = _format(format)
+    fits = [name for name, form in FORMATS.items() if format is None and re.search(form.marks, text, re.MULTILINE)]
+    if format is not None:
+        form = _format(format)
+    elif len(fits) == 1:
+        form = FORMATS[fits[0]]
+    elif not fits and all(re.search(rf"(?<![\w.>]){name}\b[^=\n;,]{{0,100}}=(?!=)", text) for name in ("A", "b")):
+        form = plain_format(text)
+    else:
+        what = f"of {' and '.join(fits)}" if fits else "of none"
+        raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
     title = re.search(form.title, text)
     return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
 
