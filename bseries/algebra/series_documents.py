@@ -14,6 +14,7 @@ from typing import IO, Any
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.presentation import KINDS
 from bseries.exact.domains import make_values
+from bseries.exact.number_fields import MOST_COEFFICIENT
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import check_digits
 from integrators.core.errors import shorten, shown
@@ -139,12 +140,14 @@ def _formula(text: str, argument: str) -> Any:
     def named(match: re.Match[str]) -> str:
         polynomial, root = parse_expression(match[1], names=["x"], functions=(), argument=argument), None
         try:
-            if (form := sympy.Poly(polynomial, sympy.Symbol("x"), domain="ZZ")).degree() <= MOST_DEGREE:
+            form = sympy.Poly(polynomial, sympy.Symbol("x"), domain="ZZ")
+            small = max(abs(int(a)).bit_length() for a in form.all_coeffs()) <= MOST_COEFFICIENT
+            if form.degree() <= MOST_DEGREE and small:
                 root = sympy.CRootOf(form, int(match[2]))
         except (BasePolynomialError, IndexError, NotImplementedError):
             pass
         if not isinstance(root, sympy.CRootOf) or not root.is_real:
-            what = f"real roots of integer polynomials up to degree {MOST_DEGREE} only"
+            what = f"real roots of integer polynomials up to degree {MOST_DEGREE}, with small coefficients, only"
             raise SeriesError(f"{argument} must have {what}, but had {shown(match[0])}")
         name = f"root_{len(roots)}_of_polynomial"
         roots[sympy.Symbol(name)] = root

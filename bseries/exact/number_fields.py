@@ -28,11 +28,13 @@ if TYPE_CHECKING:
 
 DEGREES = (2, 4, 8, MOST_DEGREE)
 """Largest degrees of minimal polynomials, one after the other."""
-BITS = (16, 64, 256, 1024)
+MOST_COEFFICIENT = 256
+"""Bits of the coefficients of minimal polynomials: SymPy isolates the roots of larger ones slowly."""
+BITS = (16, 64, MOST_COEFFICIENT)
 """Largest sizes of coefficients."""
 MOST_BITS = 2**19
 """Largest precision of a proof."""
-QUICK_BITS = 2**15
+QUICK_BITS = 2**13
 """More than proposals are made from; wrong ones are refused at this precision."""
 MULTIPLES = (1, -1, 2, -2, 3)
 """Q(θ, α) is Q(θ + kα) for all but a few numbers k."""
@@ -127,7 +129,8 @@ def _minimal_polynomial(theta: sympy.Expr, degree: int) -> list[int] | None:
         proposed = _relation([theta**k for k in range(n + 1)], bits)
         for factor, _ in fmpz_poly(proposed).factor()[1]:
             coefficients = [int(a) for a in factor.coeffs()]
-            if len(coefficients) > 1 and is_zero(_horner(coefficients, theta), degree):
+            small = len(coefficients) > 1 and max(map(abs, coefficients)).bit_length() <= MOST_COEFFICIENT
+            if small and is_zero(_horner(coefficients, theta), degree):
                 return coefficients
     return None
 

@@ -102,9 +102,10 @@ def test_sums_and_products_are_those_of_the_numbers():
         x, y = (random_number(source, 3) for _ in range(2))
         if degree_bound([x, y]) > 16 or x.is_Rational or y.is_Rational:
             continue
-        _, (a, b, total, product) = common_field([x, y, x + y, x * y])
-        assert (a + b, a * b) == (total, product)
-        found += 1
+        if (field := common_field([x, y, x + y, x * y])) is not None:
+            a, b, total, product = field[1]
+            assert (a + b, a * b) == (total, product)
+            found += 1
     assert found > 5
 
 
@@ -139,9 +140,11 @@ def test_documents_of_nested_roots_are_read(verb):
     assert bs.load_series(json.dumps(written.to_dict())) == written
 
 
-@pytest.mark.parametrize("root", ["x**2 + 1, 0", "x**99 - x - 1, 0", "x/2, 0", "7, 0", "x**2 - 2, 5"])
+@pytest.mark.parametrize(
+    "root", ["x**2 + 1, 0", "x**99 - x - 1, 0", "x/2, 0", "7, 0", "x**2 - 2, 5", "x - 1" + "0" * 99 + ", 0"]
+)
 def test_other_roots_in_documents_are_refused(root):
     data = bs.series(two_stages("sqrt(2 + sqrt(3 + sqrt(5)))"), 3).to_dict()
     data["terms"][-1]["coefficient"] = f"CRootOf({root})"
-    with pytest.raises(bs.SeriesError, match="real roots of integer polynomials up to degree 16 only"):
+    with pytest.raises(bs.SeriesError, match="real roots of integer polynomials up to degree 16, with small"):
         bs.load_series(json.dumps(data))
