@@ -88,7 +88,7 @@ class _Reader:
     def __init__(self, name: str, source: str) -> None:
         self.name = name
         self.source = " ".join(source.split())
-        self.bytes = self.source.encode()
+        self.bytes = self.source.encode(errors="replace")  # half characters are refused by the parser
 
     def read(self) -> Any:
         if self.source.count(",") > MOST_ENTRIES:

@@ -6,16 +6,18 @@ import os
 import re
 import sys
 from collections.abc import Mapping
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
 from integrators.methods.exchange.formats import FORMATS, Entries, Format, plain_format
-from integrators.methods.programs.program import Method
+from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
 
@@ -168,16 +170,32 @@ def _of_object(source: Any, format: str | None) -> tuple[Format, Mapping[str, An
 
 def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: Entries) -> RungeKutta:
     """The method of arrays."""
-    read = {key: entries.read(values, key) for key, values in arrays.items()}
+    _tableau(form, {key: _zeros(values) for key, values in arrays.items()})  # shapes first: entries take long to read
+    A, b, c, embedded = _tableau(form, {key: entries.read(values, key) for key, values in arrays.items()})
+    return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
+
+
+def _zeros(values: Any) -> Any:
+    """Nested lists of zeros in place of values."""
+    values = as_lists(values)
+    return [_zeros(value) for value in values] if isinstance(values, list | tuple) else Fraction(0)
+
+
+def _tableau(form: Format, arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+    """Stage matrix, weights, nodes and embedded weights from arrays; refused if their shapes do not fit."""
     try:
-        A, b, c, embedded = form.tableau(read)
+        A, b, c, embedded = form.tableau(arrays)
     except KeyError as error:
         raise IntegratorError(f"text must assign {error.args[0]}, but did not") from None
     except TypeError:
-        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in read.items())
+        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in arrays.items())
         shapes = ", ".join(f"{key} {size}" for key, size in sizes)
-        raise IntegratorError(f"{', '.join(read)} must be a matrix and rows of one length, but were {shapes}") from None
-    return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
+        raise IntegratorError(
+            f"{', '.join(arrays)} must be a matrix and rows of one length, but were {shapes}"
+        ) from None
+    if len(A) > MAX_STAGES or len(b) > MAX_STAGES:
+        raise IntegratorError(f"A must have at most {MAX_STAGES} rows, but has {max(len(A), len(b))}")
+    return A, b, c, embedded
 
 
 def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
