@@ -100,7 +100,7 @@ def register_names(
     for block in blocks:
         register((f"the block {block.name}",), f"a block of {label or 'the scene'}".rstrip("."))
     for block in blocks:
-        register(block.variables, f"a variable of the block {label}{block.name}", in_formulas=True)
+        register(block.variables, f"a variable of the block {label}{shorten(block.name)}", in_formulas=True)
     for name in parameters:
         if name not in several:
             register((name,), f"the parameter {label}{name}", in_formulas=True)
