@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from foundation.formulas import formula_text
 from foundation.table import Column, Table
+from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.scenes.scene import latex_formula
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ LINE = 120
 MOST_VARIABLES = 12
 SHORT = 1_000
 """Displays write formulas out on scenes of at most so many variables, and stop after this many characters."""
+FLOATS = f"the tableau holds floats, or roots within roots of a degree above {MOST_DEGREE}"
+"""Why coefficients may be floats."""
 ENERGY = r"\widetilde{H}"
 
 
@@ -70,9 +73,9 @@ def remarks(series: Any, issues: Sequence[str], scene: Scene) -> dict[str, Any]:
 def formula_notes(series: Any, issues: Sequence[str], scene: Scene, *, nonzero: bool) -> Iterator[str]:
     """Sentences on the numbers in formulas on a scene."""
     if series.digits is not None:
-        yield f"The tableau is published as decimals with {series.digits} digits, and so are these formulas."
+        yield f"The tableau has decimals with {series.digits} correct digits, and so are these formulas."
     elif not series.is_exact:
-        yield "Floating point: the tableau holds floats, so the numbers carry rounding errors."
+        yield f"Floating point: {FLOATS}, so the numbers carry rounding errors."
     for note in scene.notes:
         yield f"{note[0].upper()}{note[1:]}."
     if nonzero:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
+from bseries.scene_text import FLOATS
 from foundation.numbers import latex_number, number_text
 from foundation.table import Column, LazyRows, Table, listed
 from trees.drawing import svg
@@ -142,12 +143,12 @@ def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bo
     if as_float:
         yield "Floating point (RR): exact coefficients, each rounded to the nearest float."
     elif domain == "RR":
-        yield "Floating point (RR): the tableau holds floats, so the coefficients carry rounding errors."
+        yield f"Floating point (RR): {FLOATS}, so the coefficients carry rounding errors."
     elif digits is None:
         yield f"Exact coefficients, in {domain}."
     if digits is not None and domain != "RR":
         yield (
-            f"The tableau is published as decimals with {digits} digits: numbers are rounded accordingly, and "
+            f"The tableau has decimals with {digits} correct digits: numbers are rounded accordingly, and "
             "those that are zero within these digits are 0."
         )
     if nonzero:

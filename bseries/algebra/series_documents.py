@@ -14,10 +14,12 @@ from typing import IO, Any
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.presentation import KINDS
 from bseries.exact.domains import make_values
+from bseries.exact.number_fields import MOST_COEFFICIENT
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import check_digits, check_label
 from integrators.core.errors import shorten, shown
 from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
+from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
 from trees.counting import count_trees
 from trees.notation import check_names
@@ -28,6 +30,8 @@ MOST_BYTES = 200_000_000
 MOST_TREES = 5_000_000
 KEYS = ("method", "order", "domain", "colors", "empty", "terms")
 RATIONAL = re.compile(rf"-?\d{{1,{MOST_DIGITS}}}(?:/0*[1-9]\d{{0,{MOST_DIGITS - 1}}})?", re.ASCII)
+MOST_ROOTS = 4
+ROOT = re.compile(r"CRootOf\(([^(),]{1,2000}), (\d{1,3})\)", re.ASCII)
 FLOAT = re.compile(r"-?\d{1,400}(?:\.\d{1,400})?(?:e[-+]?\d{1,4})?", re.ASCII)
 
 
@@ -123,7 +127,45 @@ def _number(text: Any, domain: str | None, argument: str) -> Any:
         if domain in ("RR", None) and FLOAT.fullmatch(text) and isfinite(float(text)):
             return float(text)
         if domain not in ("QQ", "RR"):
-            names = set(re.findall(r"[^\W\d]\w*", text)) - {*ROOTS, *ELEMENTARY, "pi"}
-            return parse_expression(text, names=sorted(names), argument=argument)
+            return _formula(text, argument)
     place = "" if domain is None else f" in {shorten(domain)}"
     raise SeriesError(f"{argument} must be the text of a number{place}, but was {shown(text)}")
+
+
+def _formula(text: str, argument: str) -> Any:
+    """A formula of symbols and of numbers, also of roots of polynomials as SymPy writes them."""
+    import sympy
+
+    roots: dict[str, Any] = {}
+
+    def named(match: re.Match[str]) -> str:
+        if match[0] not in roots:
+            if len(roots) == MOST_ROOTS:
+                raise SeriesError(f"{argument} must have at most {MOST_ROOTS} roots of polynomials, but has more")
+            roots[match[0]] = _root(match, argument)
+        return f"root_{list(roots).index(match[0])}_of_polynomial"
+
+    plain = ROOT.sub(named, text)
+    names = set(re.findall(r"[^\W\d]\w*", plain)) - {*ROOTS, *ELEMENTARY, "pi"}
+    return parse_expression(plain, names=sorted(names), argument=argument).xreplace(
+        {sympy.Symbol(f"root_{k}_of_polynomial"): root for k, root in enumerate(roots.values())}
+    )
+
+
+def _root(match: re.Match[str], argument: str) -> Any:
+    """A real irrational root of a polynomial, from SymPy's text."""
+    import sympy
+    from sympy.polys.polyerrors import BasePolynomialError
+
+    polynomial, root = parse_expression(match[1], names=["x"], functions=(), argument=argument), None
+    try:
+        form = sympy.Poly(polynomial, sympy.Symbol("x"), domain="ZZ")
+        small = max(abs(int(a)).bit_length() for a in form.all_coeffs()) <= MOST_COEFFICIENT
+        if form.degree() <= MOST_DEGREE and small:
+            root = sympy.CRootOf(form, int(match[2]))
+    except (BasePolynomialError, IndexError, NotImplementedError):
+        pass
+    if not isinstance(root, sympy.CRootOf) or not root.is_real:
+        what = f"real roots of integer polynomials up to degree {MOST_DEGREE}, with small coefficients, only"
+        raise SeriesError(f"{argument} must have {what}, but had {shown(match[0])}")
+    return root

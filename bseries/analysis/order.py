@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
 from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
-from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain
+from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain, inputs_of
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
@@ -259,19 +259,16 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 def trusted(method: Method) -> Method:
     """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits."""
+    if inputs_of(method.step if isinstance(method, RepeatedProgram) else method, 1).kind != "float":
+        return method
     if isinstance(method, RungeKutta):
-        if method.domain != "float":
-            return method
         A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
         digits = min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS)
         return RungeKutta(A, b[0], name=method.name, digits=digits, warn=False)
     if isinstance(method, PartitionedRungeKutta):
-        if all(part.domain != "float" for part in method.partitions):
-            return method
         parts = [trusted(part) for part in method.partitions]
         return PartitionedRungeKutta(dict(zip(method.names, parts, strict=True)), name=method.name)  # pyright: ignore[reportArgumentType]
-    program = method.program
-    return as_decimals(program, FLOAT_DIGITS) if program.domain == "float" else method
+    return as_decimals(method.program, FLOAT_DIGITS)
 
 
 def error_coefficients(method: Method | str, order: int | None = None) -> ErrorCoefficients:

@@ -385,10 +385,10 @@ def _notes(report: Report) -> Iterator[str]:
         yield f"e(τ) = (a(τ) - 1/γ(τ))/σ(τ): the error of a step is h^{p + 1} Σ e(τ) F(τ) + O(h^{p + 2})."
     if report.method.digits is not None:
         yield (
-            f"The tableau is published as decimals with {report.method.digits} digits: numbers are rounded to as many, "
+            f"The tableau has decimals with {report.method.digits} correct digits: numbers are rounded to as many, "
             "and residuals that these digits cannot tell from zero count as zero."
         )
-    if getattr(report.method, "domain", "") == "float":
+    elif trusted(report.method).digits is not None:
         yield "Floating point: an order condition counts as satisfied if its residual is within rounding errors."
     names = report.method.names
     if report.structure and len(names) > 1:

@@ -10,6 +10,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
+from bseries.algebra.stages import auxiliary_colors, flow_chain
 from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions import formulas
 from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES, ConditionProgram, Equation, EquationTerm
@@ -18,9 +19,10 @@ from bseries.conditions.kinds import KINDS, MethodKind
 from bseries.exceptions import SeriesError
 from foundation.numbers import latex_number
 from foundation.table import Column, LazyRows, Table, as_frame, as_html, listed
-from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.errors import suggestion
 from integrators.core.immutable import ImmutableValue
+from integrators.methods.catalogue.registry import as_method
+from integrators.methods.programs.program import Method
 from trees.counting import check_size, count_trees, normal_limits
 from trees.lyndon_words import count_lyndon_words
 from trees.notation import default_names
@@ -227,22 +229,25 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         """Left-hand sides minus right-hand sides, exactly for exact numbers.
 
         Args:
-            *arrays: A method, or the arrays of `arguments`: nested sequences of numbers or SymPy expressions.
+            *arrays: A method or its name, or the arrays of `arguments`: nested sequences of numbers or SymPy
+                expressions.
 
         Raises:
-            SeriesError: The arrays do not fit.
+            SeriesError: The arrays, or the method, do not fit.
 
         Example:
             >>> import bseries as bs
-            >>> bs.order_conditions("runge-kutta", 4).residuals(bs.method("rk4"))
+            >>> bs.order_conditions("runge-kutta", 4).residuals("rk4")
             [Fraction(0, 1), Fraction(0, 1), ..., Fraction(0, 1)]
         """
-        method = arrays[0] if len(arrays) == 1 else None
-        if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        if len(arrays) != 1 or not isinstance(arrays[0], str | Method):
             left = formulas.left_sides(self.program, formulas.read_blocks(self.program, arrays, self.request.stages))
-        elif self.kind not in ("runge-kutta", "partitioned", "additive") or len(method.partitions) != len(self.names):
-            raise SeriesError(f"method must be one of the {len(self.names)}-part {self.kind} kind, but was {method!r}")
         else:  # the method's series is exact and simple also for irrational tableaux
+            method = as_method(arrays[0])
+            fits = len(method.names) == len(self.names) and not auxiliary_colors(method)
+            if not fits or (self.kind == "splitting" and flow_chain(method.program) is None):
+                what = f"{len(self.names)}-part {self.kind}"
+                raise SeriesError(f"method must be one of the {what} kind, but was {method!r}")
             s = series(method, self.order, max_children=self.request.limits)
             left = [sum(weight * s[tree] for weight, tree in weighted) for weighted in self._weighted]
         return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]

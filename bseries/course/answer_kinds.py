@@ -36,7 +36,9 @@ MOST_FACTORS = 12
 SIGNS = {"·": "*", "⋅": "*", "×": "*", "’": "'", "′": "'", "π": "pi"}
 SIGNS |= {"γ": "gamma", "ε": "eps", "θ": "theta", "φ": "phi", "ω": "omega"}
 """Signs in answers, and what the parser of formulas reads in their place."""
-NO_SIGN = re.compile(r"(?<![\w.^/])(?<![\^/]\s)((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?=(?![eE][+-]?\d)[^\W\d]|\()")
+NO_SIGN = re.compile(
+    r"(?<![\w.^/])(?<![\^/]\s)((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(?=(?![eE][+-]?\d)[^\W\d]|\()"
+)
 """A number before a name or a parenthesis, as in 3a^2/8; what 1/2a means would be a guess."""
 
 

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exact import rationals as rational_series
 from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
+from bseries.exact.number_fields import NoNumberFieldError, domain_of
 from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
@@ -172,7 +173,7 @@ def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
             f"tangents, but theirs may have degree {degree}"
         )
     distinct = list(dict.fromkeys(expressions))  # elements of a number field are slow to find
-    domain, elements = sympy.construct_domain(distinct, extension=True if few else None)
+    domain, elements = domain_of(distinct, few=few)
     found = dict(zip(distinct, elements, strict=True))
     elements = [found[e] for e in expressions]
     if not domain.is_Numerical and not domain.is_EX and not all(x.is_Symbol or x.is_number for x in domain.symbols):
@@ -220,7 +221,7 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
     parts = [part for e in expressions for part in sympy.fraction(sympy.together(e))]
     try:
         numbers = [c for part in parts for c in sympy.Poly(part, *symbols, domain="EX").coeffs()]
-        algebraic, _ = sympy.construct_domain(numbers, extension=True)
+        algebraic, _ = domain_of(numbers, few=True)
         field = algebraic[tuple(symbols)].get_field()
         quotients = [field.from_sympy(a) / field.from_sympy(b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
     except BasePolynomialError:
@@ -231,14 +232,18 @@ def _polynomials_over_algebraic_numbers(expressions: Sequence[sympy.Expr]) -> tu
 def narrowest(numbers: Sequence[Any]) -> tuple[str, list[Any], Any, Any]:
     """Results of `exact_number` in the narrowest domain that holds them all: (kind, entries, ring, step).
 
-    In a ring, the numbers are the entries divided by `step`.
+    In a ring, the numbers are the entries divided by `step`. Numbers in no small field become floats.
     """
-    if any(isinstance(number, float) for number in numbers):
-        return "float", [to_float(number) for number in numbers], None, None
     if all(isinstance(number, Fraction) for number in numbers):
         return "rational", list(numbers), None, None
-    ring, elements, step = ring_and_elements(numbers)  # takes seconds where roots are of high degree
-    return "ring", elements, ring, step
+    if not any(isinstance(number, float) for number in numbers):
+        try:
+            ring, elements, step = ring_and_elements(numbers)  # takes seconds where roots are of high degree
+        except NoNumberFieldError:
+            pass
+        else:
+            return "ring", elements, ring, step
+    return "float", [to_float(number) for number in numbers], None, None
 
 
 def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:

@@ -458,8 +458,9 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
     method = as_method(method)
     scene = as_scene(scene)
     H, y = scene.hamiltonian, scene.symbols
-    is_polynomial = H is not None and H.is_polynomial(*y) and not H.free_symbols - set(y)
-    if H is not None and is_polynomial and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):
+    if H is not None and (free := sorted(map(str, H.free_symbols - set(y)))):
+        raise SeriesError(f"parameters must have values for a closed form, but {', '.join(free)} had none")
+    if H is not None and H.is_polynomial(*y) and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):
         found = LinearHamiltonian(method, scene, sympy.hessian(H, y), parts)
     else:
         found = FieldNijhoff.of(method, scene, parts)

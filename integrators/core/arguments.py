@@ -6,6 +6,7 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
 from unicodedata import normalize
 
@@ -151,14 +152,12 @@ def required(parameters: Iterable[Parameter]) -> int:
 
 def split_row(text: str) -> list[str]:
     """The entries of a row, split at the commas outside parentheses."""
-    entries, depth = [""], 0
-    for character in text:
+    ends, depth = [-1], 0
+    for at, character in enumerate(text):
         depth += {"(": 1, ")": -1}.get(character, 0)
         if character == "," and depth == 0:
-            entries.append("")
-        else:
-            entries[-1] += character
-    return entries if text.strip() else []
+            ends.append(at)
+    return [text[start + 1 : end] for start, end in pairwise([*ends, len(text)])] if text.strip() else []
 
 
 def check_progress(progress: Any) -> None:

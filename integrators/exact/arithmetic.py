@@ -256,8 +256,12 @@ def degree_bound(values: Iterable[sympy.Expr]) -> int:
 
     formulas = list(values)
     powers: set[Any] = set().union(*(formula.atoms(sympy.Pow) for formula in formulas))
-    roots = (int(power.exp.q) for power in powers if power.is_number and power.exp.is_Rational)
-    return prod(roots) * _cosine_degree(_cosines(formulas))
+    roots: dict[Any, int] = {}  # x^(1/2) and x^(-1/3) are powers of one root
+    for power in powers:
+        if power.is_number and power.exp.is_Rational:
+            roots[power.base] = lcm(roots.get(power.base, 1), int(power.exp.q))
+    others: set[Any] = set().union(*(formula.atoms(sympy.CRootOf) for formula in formulas))
+    return prod((*roots.values(), *(x.poly.degree() for x in others))) * _cosine_degree(_cosines(formulas))
 
 
 def _cosines(formulas: Iterable[sympy.Expr]) -> set[Any]:

@@ -128,7 +128,8 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
     known = [values for symbol in symbols if (values := _site_values(symbol.name, sites.count, scene)) is not None]
     if len(known) < len(symbols):  # without values, only a repeated site in a row can make a difference vanish
-        for row in {row for row in sites.rows() if len(set(row)) < len(row)}:
+        rows = () if sites.kind == "pairs" else sites.rows()  # pairs, of which there may be very many, have two sites
+        for row in {row for row in rows if len(set(row)) < len(row)}:
             _check(guard, at_row(formula, row, scene), row)
         return
     rows = _rows(sites, [values.doubles for values in known if values.varies])

@@ -19,13 +19,14 @@ from typing import IO, Any
 from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, items, split_row
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import atomic_write, check_keys, errors_from, parse_toml, read_text
-from integrators.exact.expressions import NOT_FINITE
+from integrators.exact.expressions import MAX_LENGTH, NOT_FINITE
 from integrators.scenes.checks import can_be_checked, defects
 from integrators.scenes.model.blocks import TIME, read_blocks
 from integrators.scenes.model.formulas import KNOWN, words
 from integrators.scenes.model.terms import Effect, Term
 from integrators.scenes.scene import Scene
 
+MOST_EQUATIONS = 1000
 _EQUATION = re.compile(r"\s*(?:(\w+)\s*(['’′]+)|d\s*(\w+)\s*/\s*d\s*t)\s*=(?!=)(.*)", re.DOTALL)
 _CANONICAL = re.compile(
     rf"(?P<block>{'|'.join(sorted(MOMENTA | POSITIONS))})(?P<ending>(?P<axis>[xyz]?)(?P<number>[0-9]*)|_\w+)"
@@ -61,8 +62,9 @@ def parse_scene(
     values = read_values(parameters, "parameters")
     _check_known(" ".join(field.values()), [*field, *_value_names(values)], "an equation")
     variables = _find_blocks(list(field)) if blocks is None else _read_blocks(blocks)
+    held = {variable for block in variables.values() for variable in block}
     for variable in field:
-        if not any(variable in block for block in variables.values()):
+        if variable not in held:
             raise IntegratorError(f"blocks must hold every variable, but {shorten(variable)} was in none")
     return Scene(variables, field=field, parameters=values, start=_read_start(start, variables), name=name)
 
@@ -91,8 +93,11 @@ def parse_hamiltonian(
     """
     if not isinstance(text, str):
         raise IntegratorError(f"hamiltonian must be text, but was {shown(text)}")
+    if len(text) > MAX_LENGTH:
+        raise IntegratorError(f"hamiltonian must have at most {MAX_LENGTH:,} characters, but has {len(text):,}")
     values = read_values(parameters, "parameters")
-    used = [word for word in _symbols(text) if word not in _value_names(values)]
+    given = set(_value_names(values))
+    used = [word for word in _symbols(text) if word not in given]
     variables = _find_canonical(used) if blocks is None else _read_blocks(blocks)
     names = [variable for block in variables.values() for variable in block]
     _check_known(text, [*names, *_value_names(values)], "a place in blocks")
@@ -103,8 +108,13 @@ def _read_equations(text: Any) -> dict[str, str]:
     """The right-hand sides by variable, in the order of the equations."""
     if not isinstance(text, str):
         raise IntegratorError(f"equations must be text, but was {shown(text)}")
+    lines = list(filter(str.strip, re.split(r"[;\n]", text)))
+    if len(lines) > MOST_EQUATIONS:
+        raise IntegratorError(
+            f"equations must be at most {MOST_EQUATIONS:,}, but were {len(lines):,}: write a Scene with terms"
+        )
     field: dict[str, str] = {}
-    for line in filter(str.strip, re.split(r"[;\n]", text)):
+    for line in lines:
         match = _EQUATION.fullmatch(line)
         if match is None:
             raise IntegratorError(
@@ -127,8 +137,9 @@ def _read_equations(text: Any) -> dict[str, str]:
 
 def _symbols(text: str) -> list[str]:
     """The names in a formula, without constants and functions."""
-    names = [word for word in words(text) if word not in KNOWN and word.lower() not in NOT_FINITE]
-    return [name for name in names if not re.search(rf"\b{name}\s*\(", text)]
+    called = set(re.findall(r"\b(\w+)\s*\(", text))
+    names = (word for word in words(text) if word not in KNOWN and word.lower() not in NOT_FINITE)
+    return [name for name in names if name not in called]
 
 
 def _value_names(values: Mapping[str, Any]) -> list[str]:
@@ -141,8 +152,9 @@ def _value_names(values: Mapping[str, Any]) -> list[str]:
 
 
 def _check_known(text: str, known: Iterable[str], what: str) -> None:
+    places = {*known, TIME}
     for name in _symbols(text):
-        if name not in known and name != TIME:
+        if name not in places:
             raise IntegratorError(f"{shorten(name)} is undefined: it has neither {what} nor a value in parameters")
 
 
@@ -211,11 +223,11 @@ def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, An
             raise IntegratorError(
                 f"start must have values for {shorten(', '.join(variables))}, but has none for {missing}"
             )
-    known = [*blocks, *(variable for variables in blocks.values() for variable in variables), TIME]
+    known = dict.fromkeys((*blocks, *(variable for variables in blocks.values() for variable in variables)))
     for name in values:
-        if name not in known:
+        if name not in known and name != TIME:
             raise IntegratorError(
-                f"start must have values for {shorten(', '.join(known[:-1]))}, but has some for {name!r:.60}"
+                f"start must have values for {shorten(', '.join(known))}, but has some for {name!r:.60}"
             )
     return {**found, **values}
 

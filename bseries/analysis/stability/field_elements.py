@@ -20,6 +20,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from bseries.exact.domains import flint_polynomial
+from bseries.exact.number_fields import NoNumberFieldError, domain_of
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.polynomials import (
     ONE,
@@ -229,13 +230,12 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
     import sympy
 
     numbers = [sympy.sympify(value, strict=True) for value in values]
-    roots: set[Any] = set().union(*(x.atoms(sympy.CRootOf) for x in numbers))
-    if degree_bound(numbers) * math.prod(root.poly.degree() for root in roots) > MOST_DEGREE:
+    try:
+        domain, elements = domain_of(numbers, few=degree_bound(numbers) <= MOST_DEGREE)
+    except NoNumberFieldError:
         return None
-    domain: Any
-    domain, elements = sympy.construct_domain(numbers, extension=True, field=True)
     if not domain.is_AlgebraicField:
-        return [from_flint(to_flint(a)) for a in elements] if domain.is_QQ else None
+        return [from_flint(to_flint(a)) for a in elements] if domain.is_QQ or domain.is_ZZ else None
     return real_algebraic(domain, elements)
 
 

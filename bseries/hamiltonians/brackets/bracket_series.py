@@ -255,7 +255,7 @@ def _notes(brackets: BracketSeries, issues: Sequence[str], *, nonzero: bool) -> 
             "brackets that vanish are left out."
         )
     if brackets.digits is not None:
-        yield f"The method is published as decimals with {brackets.digits} digits, and so are these numbers."
+        yield f"The method has decimals with {brackets.digits} correct digits, and so are these numbers."
     if nonzero:
         yield "Zero terms are left out."
     for issue in issues:

@@ -21,17 +21,18 @@ RALSTON = "A. Ralston, Math. Comp. 16 (1962) 431–437, doi:10.1090/S0025-5718-1
 
 def explicit_entry(
     name: str, order: int, rows: tuple[str, ...], weights: str, description: str, reference: str, *,
-    aliases: tuple[str, ...] = (), embedded: tuple[str, ...] = (), digits: int | None = None,
+    aliases: tuple[str, ...] = (), embedded: tuple[str, ...] = (), nodes: str = "", digits: int | None = None,
 ) -> MethodEntry:  # fmt: skip
     """Entry of an explicit method given by its printed tableau, with entries separated by spaces.
 
-    `rows` are those of A from the second on, below the diagonal; the nodes are their sums. `embedded` holds the weights
-    of each embedded method.
+    `rows` are those of A from the second on, below the diagonal; `nodes` are by default their sums, which for rounded
+    decimals have errors that the printed nodes have not. `embedded` holds the weights of each embedded method.
     """
     stages = len(rows) + 1
     kind = "embedded pair" if embedded else "explicit"
     extra = [row.split() for row in embedded]
-    build = partial(RungeKutta, lower_rows(("", *rows), stages), weights.split(), embedded=extra, digits=digits)
+    A, c = lower_rows(("", *rows), stages), nodes.split() or None
+    build = partial(RungeKutta, A, weights.split(), c, embedded=extra, digits=digits)
     return MethodEntry(name, kind, stages, order, description, reference, build, aliases)
 
 
@@ -161,7 +162,7 @@ METHODS = (
         "0.09646076681806523 0.01 0.4798896504144996 1.379008574103742 -3.290069515436081 2.324710524099774 0",
         "order 5 with embedded order 4, as 16-digit decimals; the last stage is the next step's first",
         "Ch. Tsitouras, Comput. Math. Appl. 62 (2011) 770–775, doi:10.1016/j.camwa.2011.06.002",
-        aliases=("tsitouras5", "tsitouras54"), digits=16,
+        aliases=("tsitouras5", "tsitouras54"), nodes="0 0.161 0.327 0.9 0.9800255409045097 1 1", digits=16,
         embedded=(
             "0.09468075576583946 0.009183565540343253 0.4877705284247616 1.234297566930479 -2.707712349983525 "
             "1.866628418170587 1/66",)),
@@ -198,6 +199,9 @@ METHODS = (
         "E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I (1993), §II.5 and §II.10 and "
         "the code dop853.f, doi:10.1007/978-3-540-78862-1",
         aliases=("dormand-prince853",), digits=28,
+        nodes="0 0.0526001519587677318785587544488 0.0789002279381515978178381316732 0.11835034190722739672675719751 "
+        "0.28164965809277260327324280249 0.333333333333333333333333333333 0.25 0.307692307692307692307692307692 "
+        "0.651282051282051282051282051282 0.6 0.857142857142857142857142857142 1",
         embedded=(
             "0.0411736891223738815055525466763 0 0 0 0 5.67546933912861332216170925866 "
             "2.38727684897175057456422398564 -7.4655811424655713184287418377 0.66149321570779357609756479137 "

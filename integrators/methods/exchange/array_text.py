@@ -153,7 +153,7 @@ def _c_lists(value: str) -> str:
     value = re.sub(r"\b(?:RC|SUN_RCONST|PetscRealConstant)\s*\(", "(", value)
     if quotient := re.search(r"(?<![\w.])\d+\s?/\s?\d+(?![\w.])", value):
         raise IntegratorError(f"quotients must have decimal points in C, which rounds {quotient[0]}, but one has none")
-    value = re.sub(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)[fFlL]\b", r"\1", value)
+    value = re.sub(r"(?<![\w.])(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)[fFlL]\b", r"\1", value)
     return value.translate(str.maketrans("{}", "[]"))
 
 
@@ -181,7 +181,10 @@ def _julia_list(match: re.Match[str]) -> str:
     return lists[0] if len(lists) == 1 else f"[{','.join(lists)}]"
 
 
-QUOTED = r'"(?:\\.|[^"\\\n])*"'
-PYTHON = Language(rf"\"\"\".*?\"\"\"|'''.*?'''|{QUOTED}|'(?:\\.|[^'\\\n])*'|#[^\n]*", lambda value: value)
-JULIA = Language(rf"\"\"\".*?\"\"\"|{QUOTED}|#=.*?(?:=#|\Z)|#[^\n]*", _julia_lists)
+QUOTED = r'"(?:\\.|[^"\\\n])*\\?(?:"|$)'
+"""Text without a closing quote ends with the line: nothing is scanned twice."""
+PYTHON = Language(
+    rf"\"\"\".*?(?:\"\"\"|\Z)|'''.*?(?:'''|\Z)|{QUOTED}|'(?:\\.|[^'\\\n])*\\?(?:'|$)|#[^\n]*", lambda value: value
+)
+JULIA = Language(rf"\"\"\".*?(?:\"\"\"|\Z)|{QUOTED}|#=.*?(?:=#|\Z)|#[^\n]*", _julia_lists)
 C = Language(rf"{QUOTED}|/\*.*?(?:\*/|\Z)|//[^\n]*", _c_lists)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
+from sys import float_info
 from typing import Any, NamedTuple
 
 from integrators.core.arguments import as_lists
@@ -25,7 +26,7 @@ DOUBLE_DIGITS = 16
 """Decimals with so many significant digits or more count as rounded."""
 LARGEST_DENOMINATOR = 10**6
 """Of fractions behind doubles: three of 100,000 random doubles are nearest to such a fraction."""
-LITERAL = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+LITERAL = re.compile(r"(?<![\w.])(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 class Format(NamedTuple):
@@ -180,7 +181,7 @@ class Entries:
     def _inexact(self, value: Fraction, digits: int) -> Fraction:
         """A rounded number, or the fraction behind it."""
         nearest = value.limit_denominator(LARGEST_DENOMINATOR)
-        if self.fractions and float(nearest) == float(value):
+        if self.fractions and abs(value) <= float_info.max and float(nearest) == float(value):
             return nearest
         # The last of 17 digits is that of a double and not of the number.
         self.known.append(digits if digits > DOUBLE_DIGITS + 1 else DOUBLE_DIGITS)
@@ -428,7 +429,7 @@ FORMATS: dict[str, Format] = {
         PYTHON, r"nodepy|RungeKutta(?:Method|Pair)\(", r'\bname\s*=\s*"([^"\\\n]{1,100})"', ("A", "b", "bhat"),
         _write_nodepy, partial(_by_name, A="A", b="b", c="c", embedded="bhat", is_c_needed=False)),
     "diffrax": Format(
-        PYTHON, "ButcherTableau", r"(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
+        PYTHON, r"\b(?:Multi)?ButcherTableau\b", r"\b(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
         ("a_lower", "b_sol", "b_error", "c", "a_diagonal", "c1"), _write_diffrax, _diffrax_tableau),
     "scipy": Format(
         PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
@@ -447,6 +448,13 @@ FORMATS: dict[str, Format] = {
         partial(_by_name, A="a", b="b", c="c"), _tabulated),
     "sciml": Format(
         JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau",
-        r"(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau", ("A", "c", "α", "αEEst"), _write_sciml,
+        r"\b(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau", ("A", "c", "α", "αEEst"), _write_sciml,
         partial(_by_name, A="A", b="α", c="c", embedded="αEEst")),
 }  # fmt: skip
+
+
+def plain_format(text: str) -> Format:
+    """The format of plain assignments of A, b, c and bhat, in the language whose brackets the text has."""
+    nested = re.search(r"[\[(]\s*[\[(]", text)
+    language = C if "{" in text else PYTHON if nested else JULIA
+    return FORMATS["nodepy"]._replace(language=language, names=("A", "b", "c", "bhat"))

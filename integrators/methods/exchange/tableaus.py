@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
 from foundation.extras import loaded_module
+from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
-from integrators.methods.exchange.formats import FORMATS, Entries, Format
-from integrators.methods.programs.program import Method
+from integrators.methods.exchange.formats import FORMATS, Entries, Format, plain_format
+from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
 
@@ -75,7 +77,8 @@ def import_tableau(
         source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
             `ARKodeButcherTable_Write` prints, or a file of RungeKutta.jl. Or an object: a method of nodepy; a
             `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
-        format: The format, as for `export_tableau`; by default recognised.
+        format: The format, as for `export_tableau`; by default recognised. Assignments of A, b, c and bhat without a
+            package around them need none.
         name: The name of the method; by default that in the source, or ``custom``.
         fractions: Whether doubles and long decimals become the fractions behind them: each the nearest with a
             denominator of at most 10^6, if it rounds to the same double. This needs all entries to be such fractions,
@@ -125,13 +128,16 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
     """The format of a text, the arrays in it, and the name of its method."""
     if len(text) > MOST_CHARACTERS:
         raise IntegratorError(f"text must have at most {MOST_CHARACTERS:,} characters, but has {len(text):,}")
-    if format is None:
-        fits = [name for name, form in FORMATS.items() if re.search(form.marks, text, re.MULTILINE)]
-        if len(fits) != 1:
-            what = f"of {' and '.join(fits)}" if fits else "of none"
-            raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
-        format = fits[0]
-    form = _format(format)
+    fits = [name for name, form in FORMATS.items() if format is None and re.search(form.marks, text, re.MULTILINE)]
+    if format is not None:
+        form = _format(format)
+    elif len(fits) == 1:
+        form = FORMATS[fits[0]]
+    elif not fits and all(re.search(rf"(?<![\w.>]){name}\b[^=\n;,]{{0,100}}=(?!=)", text) for name in ("A", "b")):
+        form = plain_format(text)
+    else:
+        what = f"of {' and '.join(fits)}" if fits else "of none"
+        raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
     title = re.search(form.title, text)
     return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
 
@@ -164,16 +170,32 @@ def _of_object(source: Any, format: str | None) -> tuple[Format, Mapping[str, An
 
 def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: Entries) -> RungeKutta:
     """The method of arrays."""
-    read = {key: entries.read(values, key) for key, values in arrays.items()}
+    _tableau(form, {key: _zeros(values) for key, values in arrays.items()})  # shapes first: entries take long to read
+    A, b, c, embedded = _tableau(form, {key: entries.read(values, key) for key, values in arrays.items()})
+    return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
+
+
+def _zeros(values: Any) -> Any:
+    """Nested lists of zeros in place of values."""
+    values = as_lists(values)
+    return [_zeros(value) for value in values] if isinstance(values, list | tuple) else Fraction(0)
+
+
+def _tableau(form: Format, arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+    """Stage matrix, weights, nodes and embedded weights from arrays; refused if their shapes do not fit."""
     try:
-        A, b, c, embedded = form.tableau(read)
+        A, b, c, embedded = form.tableau(arrays)
     except KeyError as error:
         raise IntegratorError(f"text must assign {error.args[0]}, but did not") from None
     except TypeError:
-        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in read.items())
+        sizes = ((key, f"of {len(x)}" if isinstance(x, list) else "a number") for key, x in arrays.items())
         shapes = ", ".join(f"{key} {size}" for key, size in sizes)
-        raise IntegratorError(f"{', '.join(read)} must be a matrix and rows of one length, but were {shapes}") from None
-    return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
+        raise IntegratorError(
+            f"{', '.join(arrays)} must be a matrix and rows of one length, but were {shapes}"
+        ) from None
+    if len(A) > MAX_STAGES or len(b) > MAX_STAGES:
+        raise IntegratorError(f"A must have at most {MAX_STAGES} rows, but has {max(len(A), len(b))}")
+    return A, b, c, embedded
 
 
 def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:

@@ -109,7 +109,7 @@ class Method(ImmutableValue):
         """Sentences on parameters, digits and source."""
         found = [f"parameters: {', '.join(self.parameters)}"] if self.parameters else []
         if self.digits is not None:
-            found.append(f"published as decimals with {self.digits} digits")
+            found.append(f"decimals with {self.digits} correct digits")
         return [*found, f"reference: {self.reference}"] if self.reference else found
 
     @cached_property

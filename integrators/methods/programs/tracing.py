@@ -126,7 +126,7 @@ class Recorder:
             if isinstance(error, IntegratorError):
                 raise
             raise IntegratorError(f"step must run on any state, but {self.place(error)} failed: {error}") from error
-        end = end.item() if getattr(end, "shape", None) == () else end
+        end = without_axes(end)
         if not isinstance(end, Value) or end.recorder is not self or end.is_scalar:
             raise IntegratorError(f"step must return the end of the step, y + h …, but returned {shown(end)}")
         if (end.power, end.content.start) != (0, 1):
@@ -206,6 +206,11 @@ class Recorder:
             return None
 
 
+def without_axes(value: Any) -> Any:
+    """What is in an array without axes; other values unchanged."""
+    return value.item() if hasattr(value, "item") and getattr(value, "shape", None) == () else value
+
+
 class Value:
     """A value of a traced step: a number or a linear form, times a power of h."""
 
@@ -218,6 +223,16 @@ class Value:
     def is_scalar(self) -> bool:
         """Whether this is a multiple of a power of h."""
         return not isinstance(self.content, LinearForm)
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether this is zero, at any power of h."""
+        return self.content == 0 if self.is_scalar else not any(self.content.entries)
+
+    @property
+    def shape(self) -> tuple[()]:
+        """That of an array without axes, so that ``np.zeros(y.shape)`` is zero."""
+        return ()
 
     def copy(self) -> Value:
         """The value itself, which never changes."""
@@ -237,10 +252,9 @@ class Value:
         found = self._other(other)
         if found is None:
             return NotImplemented
-        if found.is_scalar and found.content == 0:
-            return self
-        if self.is_scalar and self.content == 0:
-            return found
+        for zero, rest in ((found, self), (self, found)):  # sums may start from zero
+            if zero.is_zero and (zero.is_scalar or not rest.is_scalar):
+                return rest
         if found.is_scalar != self.is_scalar:
             self.recorder.refuse(f"adds a number to a state ({self} and {found})")
         if found.power != self.power:
@@ -310,12 +324,17 @@ class Value:
     __hash__ = None  # type: ignore[assignment]
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        if method != "__call__" or ufunc.__name__ not in UFUNCS or options:
+        in_place = options.keys() == {"out"} and options["out"][0] is inputs[0]  # acc += h*f(y), where acc is an array
+        if method != "__call__" or ufunc.__name__ not in UFUNCS or (options and not in_place):
             self.recorder.refuse(f"calls np.{ufunc.__name__} on a value")
         if any(getattr(x, "shape", ()) for x in inputs):
             self.recorder.refuse("combines an array with a value, which stands for a whole state")
-        left, right = (x.item() if getattr(x, "shape", None) == () else x for x in inputs)
-        return UFUNCS[ufunc.__name__](left, right)
+        return UFUNCS[ufunc.__name__](*map(without_axes, inputs))
+
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Value:
+        if function.__name__ != "zeros_like" or len(arguments) != 1 or options:
+            self.recorder.refuse(f"calls np.{function.__name__} on a value")
+        return self * 0
 
     def __str__(self) -> str:
         h = {0: "", 1: "h "}.get(self.power, f"h^{self.power} ")
@@ -419,7 +438,7 @@ class TracedField:
     def _form(self, value: Any, start: int) -> LinearForm:
         """A point (start = 1) or a vector (start = 0) as a form; derivatives may be along any power of h."""
         recorder = self._recorder
-        value = value.item() if getattr(value, "shape", None) == () else value
+        value = without_axes(value)
         if not isinstance(value, Value) or value.is_scalar or value.recorder is not recorder:
             recorder.refuse("calls f with something else than a state")
         if value.content.start != start or (start and value.power != 0):

@@ -78,7 +78,8 @@ class RungeKutta(Method):
     def from_algebra(cls, algebra: StageAlgebra, *, name: str | None = None, reference: str | None = None) -> Self:
         """The method of a stage algebra; its exact tableau is computed on demand.
 
-        Such methods are equal if and only if their algebras are. No warnings are emitted; see `issues`.
+        Such methods are equal if and only if their algebras are: nodes are simple, and stages sorted by them. No
+        warnings are emitted; see `issues`.
         """
         if not isinstance(algebra, StageAlgebra):
             raise IntegratorError(f"algebra must be a StageAlgebra, but was {shown(algebra)}")
@@ -88,9 +89,24 @@ class RungeKutta(Method):
 
     @property
     def _data(self) -> tuple[Any, ...]:
-        if self.algebra is not None:
+        if self.algebra is not None and self.domain == "algebraic":
             return (self.algebra,)
         return self.domain, self.A, self.b, self.c, self.embedded, self.digits
+
+    def __eq__(self, other: object) -> bool:
+        equal = super().__eq__(other)
+        if equal is not False or not isinstance(other, RungeKutta):
+            return equal
+        one, two = (self, other) if self.algebra is not None else (other, self)
+        if one.algebra is None or two.algebra is not None or {one.domain, two.domain} != {"algebraic"}:
+            return False
+        if two.embedded or two.stages != one.stages:
+            return False
+        floats = zip(one.to_float()._entries, two.to_float()._entries, strict=True)
+        return all(abs(x - y) < 1e-9 * (1 + abs(x)) for x, y in floats) and one._entries == two._entries  # type: ignore[operator]
+
+    def __hash__(self) -> int:  # exact entries of a stage algebra take long
+        return hash(("RungeKutta", self.stages)) if self.domain == "algebraic" else super().__hash__()
 
     def __repr__(self) -> str:
         return f"<RungeKutta {self.name}: {self.stages} stage{'s' * (self.stages > 1)}>"
@@ -223,7 +239,7 @@ class RungeKutta(Method):
 
     @cached_property
     def issues(self) -> tuple[str, ...]:
-        """One sentence for each inconsistency: a row sum that differs from its node, weights that do not sum to 1."""
+        """One sentence for each inconsistency: row sums that are not the nodes, weights that do not sum to 1."""
         if self.algebra is not None:
             agree, consistent = self.algebra.rows_sum_to_nodes(), self.algebra.b[0] == 1
         else:
@@ -239,6 +255,10 @@ class RungeKutta(Method):
             rounded = self.domain in ("QQ", "decimal", "float") and abs(self.weight_sum - 1) < 1e-3
             advice = "; if its entries are rounded decimals, write them as text and give digits = N" if rounded else ""
             found.append(f"weights b sum to {_entry_text(self.weight_sum)}, not 1: the method is inconsistent{advice}")
+        for k, row in enumerate(self.embedded, 1):
+            if entries.cancels((*row, -1), self.precision) is False:
+                which = f"row {k} of embedded weights sums" if len(self.embedded) > 1 else "embedded weights sum"
+                found.append(f"{which} to {_entry_text(entries.sum_entries(row))}, not 1: they have order 0")
         return tuple(found)
 
     @cached_property

@@ -63,7 +63,7 @@ def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) ->
         raise IntegratorError(f"{argument} must map names of blocks to sizes, but was {shown(variables)}")
     blocks = []
     for name in check_symbols(variables, argument):
-        block = _read_block(name, variables[name], offset, f"{argument}.{name}")
+        block = _read_block(name, variables[name], offset, f"{argument}.{shorten(name)}")
         blocks.append(block)
         offset = block.end
     return tuple(blocks)

@@ -101,12 +101,12 @@ def register_names(
     for block in blocks:
         register((f"the block {block.name}",), f"a block of {label or 'the scene'}".rstrip("."))
     for block in blocks:
-        register(block.variables, f"a variable of the block {label}{block.name}", in_formulas=True)
+        register(block.variables, f"a variable of the block {label}{shorten(block.name)}", in_formulas=True)
     for name in parameters:
         if name not in several:
-            register((name,), f"the parameter {label}{name}", in_formulas=True)
+            register((name,), f"the parameter {label}{shorten(name)}", in_formulas=True)
     for name, value in several.items():
-        register(numbered({name: value}), f"a value of the parameter {label}{name}", in_formulas=True)
+        register(numbered({name: value}), f"a value of the parameter {label}{shorten(name)}", in_formulas=True)
     for name in (*(component for block in blocks for component in block.components), *several):
         register((f"{name}_{role}" for role in ROLES), f"{label}{name} at a site")
     check_distinct(taken, "names")
@@ -121,7 +121,7 @@ def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
         raise IntegratorError(f"{argument} must not be called {TIME}, which is the time, but one was")
     found: Parameters = {}
     for name in check_symbols(values, argument):
-        value, place = values[name], f"{argument}.{name}"
+        value, place = values[name], f"{argument}.{shorten(name)}"
         if getattr(value, "ndim", 0) or is_listed(value):
             found[name] = read_numbers(items(value, place), place)
             if not found[name]:

@@ -166,7 +166,7 @@ def test_floats_are_trusted_to_the_digits_that_are_given():
     assert bs.order_of(method) == 2
     text = str(bs.modified_equation(method, 2))  # where floats stay as they are
     assert "the tableau holds floats" in text
-    assert "published as decimals" not in text
+    assert "correct digits" not in text
 
 
 def test_inconsistent_methods_have_order_zero():

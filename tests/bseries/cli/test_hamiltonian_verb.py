@@ -154,7 +154,7 @@ def test_decimals_say_so(answer, hamiltonian):
     data, terms = hamiltonian(*call)
     assert data["digits"] > 10
     assert [k for k, term in terms.items() if term != 0] == [0, 4]
-    assert "published as decimals" in answer("hamiltonian", *call)
+    assert "correct digits" in answer("hamiltonian", *call)
 
 
 # Brackets.
@@ -196,7 +196,7 @@ def test_brackets_of_methods_published_as_decimals(answer):
     call = ("hamiltonian", "mclachlan-atela4", "--brackets")
     shown = answer(*call)
     data = json.loads(answer(*call, "--nonzero", "--format", "json"))
-    assert "published as decimals" in shown
+    assert "correct digits" in shown
     assert data["digits"] > 10
     assert {term["power"] for term in data["terms"]} == {0, 4}  # order 4: what cancels is zero
 

@@ -118,6 +118,38 @@ def test_residuals_of_random_tableaux(seed):
     assert (bs.series(bs.RungeKutta(A, b, warn=False), 6) - bs.exact_flow(6)).coefficients() == expected
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "order"),
+    [
+        ("runge-kutta", "gauss2", 4),
+        ("partitioned", "stormer-verlet", 2),
+        ("nystrom", "rkn-nystrom4", 4),
+        ("general-nystrom", "rkn-nystrom4-general", 4),
+        ("rosenbrock", "ros2", 2),
+        ("splitting", "ruth3", 3),
+    ],
+)
+def test_residuals_of_methods_by_name(kind, name, order):
+    assert not any(bs.order_conditions(kind, order).residuals(name))
+    assert any(bs.order_conditions(kind, order + 1).residuals(bs.method(name)))
+
+
+def test_residuals_of_names_are_those_of_arrays():
+    sweeps = bs.method("ruth3").flows
+    times = {part: [x for own, x in sweeps if own == part] for part in ("a", "b")}
+    conditions = bs.order_conditions("splitting", 5)
+    assert conditions.residuals("ruth3") == conditions.residuals([times["a"], times["b"]])
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("splitting", "stormer-verlet"), ("nystrom", "rk4"), ("runge-kutta", "strang"), ("rosenbrock", "ros34pw2")],
+)
+def test_residuals_of_other_kinds_are_refused(kind, name):
+    with pytest.raises(bs.SeriesError, match=f"method must be one of the [12]-part {kind} kind, but was"):
+        bs.order_conditions(kind, 2).residuals(name)
+
+
 @pytest.mark.parametrize("colors", [2, 3])
 def test_residuals_of_random_partitioned_tableaux(colors):
     source = random.Random(colors)

@@ -352,6 +352,11 @@ def test_exercise_5_with_a_factor_and_as_a_splitting():
         ("symplectic-euler-p", scene_of("log(p) + 2*log(q)"), "scene must be linear, or "),
         ("symplectic-euler-p", scene_of("log(p + q) + log(q)"), "scene must be linear, or "),
         ("implicit-midpoint", scene_of("p^2/2 + q^2/2 + q"), "scene must be linear, or "),
+        (
+            "implicit-midpoint",
+            bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 + k*q^2/2", parameters={"k": "k"}),
+            "parameters must have values for a closed form, but k had none",
+        ),
         ("stormer-verlet", MAGNETIC, "must be a Runge–Kutta method, or kick by U.q. and drift by T.p."),
         ("implicit-midpoint", scene_of("p1*q1 - p2*q2 + p1*q2 - p2*q1/2 + p1^2", 2), "Jordan blocks"),
         ("implicit-midpoint", bs.scene("linear"), "must be Hamiltonian in canonical variables"),

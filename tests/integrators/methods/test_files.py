@@ -30,7 +30,7 @@ METHODS = {
     "algebraic": GAUSS2,
     "symbolic": RungeKutta([["g", 0], ["1-2*g", "g"]], ["c_2", "1-c_2"], parameters=["c_2", "g"], name="Ω ∂"),
     "float": RungeKutta([[0.1, -0.0], [1e-320, 1 / 3]], [0.5, 0.5], embedded=[1.0, 5e-324], warn=False),
-    "decimal": RungeKutta([["0.333333"]], ["1.00000"], digits=6, embedded=["1/66"]),
+    "decimal": RungeKutta([["0.333333"]], ["1.00000"], digits=6, embedded=["1/66"], warn=False),
     "rounded decimal": RungeKutta([["0.333333"]], ["1.00000"], digits=6).to_float(),
     "algebra": RungeKutta.from_algebra(ALGEBRA, name="gauss2", reference="Butcher 1964"),
     "large numbers": RungeKutta([[10**30]], [Fraction(10**30 + 1, 10**30)], warn=False),

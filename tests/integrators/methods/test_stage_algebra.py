@@ -277,3 +277,33 @@ def test_rational_programs_are_near_the_tableau(decimals):
 def test_symmetry_is_decided_without_roots(name, expected, monkeypatch):
     monkeypatch.setattr(StageAlgebra, "tableau_exact", None)
     assert method(name).is_symmetric is expected
+
+
+def typed(tableau):
+    return RungeKutta(tableau.A, tableau.b, tableau.c, warn=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("gauss1", "implicit-midpoint"), ("radau-iia1", "implicit-euler"), ("lobatto-iiia2", "trapezoidal")],
+)
+def test_methods_of_equal_entries_are_equal(name, other):
+    assert method(name) == method(other)
+    assert hash(method(name)) == hash(method(other))
+
+
+@pytest.mark.parametrize("name", ["gauss1", "gauss2", "gauss3", "radau-iia2", "lobatto-iiic3", "lobatto-iiia4"])
+def test_a_tableau_and_its_stage_algebra_are_equal(name):
+    one, two = method(name), typed(method(name))
+    assert (one, two) == (two, one)
+    assert len({one, two}) == 1
+    changed = RungeKutta(one.A, [2 * x for x in one.b], one.c, warn=False)
+    embedded = RungeKutta(one.A, one.b, one.c, embedded=[1] + [0] * (one.stages - 1), warn=False)
+    assert one not in (changed, embedded, RungeKutta(one.to_float().A, one.to_float().b, warn=False))
+
+
+def test_parts_of_partitioned_methods_are_equal_to_methods():
+    momenta, positions = method("lobatto-iiia-iiib2").partitions
+    assert positions == method("lobatto-iiia2") == method("trapezoidal")
+    assert momenta == method("lobatto-iiib2") != positions
+    assert method("lobatto-iiia-iiib2") == PartitionedRungeKutta({"p": typed(momenta), "q": typed(positions)})

@@ -136,6 +136,33 @@ def test_rosenbrock_steps_solve_linear_systems():
     assert bs.series(bs.trace(ros2), 4) != bs.series("heun2", 4)
 
 
+ZEROS = {
+    "a multiple": lambda y: 0 * y,
+    "a multiple with h": lambda y: y - y,
+    "of a shape": lambda y: np.zeros(y.shape),
+    "like": np.zeros_like,
+    "a number": lambda y: 0,
+}
+
+
+@pytest.mark.parametrize("zero", ZEROS.values(), ids=ZEROS)
+def test_sums_may_start_from_zero(zero):
+    def step(f, y, h):
+        point, total = zero(y), zero(y)
+        for b, c in (
+            (Fraction(1, 6), 0),
+            (Fraction(1, 3), Fraction(1, 2)),
+            (Fraction(1, 3), Fraction(1, 2)),
+            (Fraction(1, 6), 1),
+        ):
+            k = f(y + c * h * point)
+            point = zero(y) + k
+            total += b * k
+        return y + h * total
+
+    assert bs.trace(step).program == bs.trace(rk4).program
+
+
 def test_floats_are_the_fractions_they_stand_for():
     with pytest.warns(UserWarning, match="0.3333333333333333 is read as 1/3"):
         third = bs.trace(lambda f, y, h: y + (1 / 3) * h * f(y) + 2 * THIRD * h * f(y + 0.75 * h * f(y)))
@@ -162,6 +189,11 @@ REFUSED = {
     "powers": (lambda f, y, h: y + h * f(y) ** 2, "takes a power of a state"),
     "quotients": (lambda f, y, h: y + h * f(y) / y, "divides by a state"),
     "zero": (lambda f, y, h: y / 0, "divides by zero"),
+    "zero and a number": (lambda f, y, h: y + h * f(0 * y + 1), "adds a number to a state"),
+    "a point at zero": (lambda f, y, h: y + h * f(0 * y), "calls f where a value must be"),
+    "ones": (lambda f, y, h: y + h * np.ones_like(y), r"calls np\.ones_like on a value"),
+    "ones of a shape": (lambda f, y, h: y + h * f(y) + np.ones(y.shape), "adds a number to a state"),
+    "another array in place": (lambda f, y, h: np.add(y, h * f(y), out=np.zeros(())), r"calls np\.add on a value"),
     "components": (lambda f, y, h: y + h * f(y)[0], "failed: 'Value' object is not subscriptable"),
     "a number": (lambda f, y, h: y + 1, "adds a number to a state"),
     "nothing": (lambda f, y, h: None, "must return the end of the step, y \\+ h …, but returned None"),
