@@ -161,7 +161,7 @@ class SceneSeries:
         Raises:
             SeriesError: `y` has the wrong number of variables, or is not numeric.
         """
-        from bseries.fields.truncation import warn_beyond_reach
+        from bseries.fields.term_sizes import warn_beyond_reach
 
         value = self.evaluator.value(y, h, workers)
         if self.is_field and h:

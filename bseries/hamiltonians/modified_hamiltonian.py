@@ -19,7 +19,7 @@ from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
 from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
-from bseries.fields.truncation import warn_beyond_reach
+from bseries.fields.term_sizes import warn_beyond_reach
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from bseries.hamiltonians.from_trees import EnergyFormulas, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
