@@ -32,7 +32,7 @@ def single_precision_runs(forces, steps, count, h=0.1):
     """Velocity-Verlet runs in single precision from random starts: columns (steps, …) for each run."""
     positions, momenta, dimension = STARTS[forces]
     rng = np.random.default_rng(7000 + steps)
-    q, p = (rng.uniform(*ends, (dimension, count)).astype(SINGLE) for ends in (positions, momenta))
+    q, p = (rng.uniform(low, high, (dimension, count)).astype(SINGLE) for low, high in (positions, momenta))
     half, h = SINGLE(h / 2), SINGLE(h)
     u, g = forces(q)
     states = [(q, p, u, g)]
