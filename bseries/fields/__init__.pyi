@@ -6,8 +6,8 @@ from .modified_fields import series_map as series_map
 from .modified_invariants import ModifiedInvariant as ModifiedInvariant
 from .modified_invariants import divergence as divergence
 from .modified_invariants import modified_invariant as modified_invariant
+from .term_sizes import Reach as Reach
+from .term_sizes import TruncationWarning as TruncationWarning
 from .truncation import ConvergenceRadius as ConvergenceRadius
-from .truncation import Reach as Reach
-from .truncation import TruncationWarning as TruncationWarning
 from .truncation import convergence_radius as convergence_radius
 from .truncation import reach as reach

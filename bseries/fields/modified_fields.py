@@ -20,7 +20,7 @@ from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries
-from bseries.fields.inputs import check_power
+from bseries.fields.inputs import check_power, read_states
 from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
 from foundation.formulas import formula_text
 from foundation.table import PRINT_WIDTH, Column, Table, listed
@@ -148,6 +148,9 @@ class SceneSeries:
     def __call__(self, y: Any, h: float, *, workers: int = 1) -> np.ndarray:
         """The value at one point or many.
 
+        A `TruncationWarning` is given if a field is beyond its reach at one of up to 32 of the points. `compiled` and
+        `evaluator.value` do not look.
+
         Args:
             y: The state, of shape (variables,), or (variables, n) for n points.
             h: The step size.
@@ -159,7 +162,13 @@ class SceneSeries:
         Raises:
             SeriesError: `y` has the wrong number of variables, or is not numeric.
         """
-        return self.evaluator.value(y, h, workers)
+        from bseries.fields.term_sizes import warn_beyond_reach
+
+        value = self.evaluator.value(y, h, workers)
+        if self.is_field and h:
+            states, _ = read_states(y, self.dimension)
+            warn_beyond_reach(self, states, float(h), f"{self.label} on {self.scene.name}", stacklevel=3)
+        return value
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(SceneSeries, route=self._wanted), (self.scene, self.trees, self.series)
@@ -513,7 +522,7 @@ def modifying_steps(
     arithmetic = Arithmetic(digits)
     with arithmetic.working():
         step = arithmetic.number(h, "h")
-    values = f if digits is None else f.at_digits(digits)
+    values = f.evaluator.value if digits is None else f.at_digits(digits)
 
     def field(state: Any) -> Any:
         return values(state, step)

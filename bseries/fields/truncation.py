@@ -1,17 +1,14 @@
 """Truncation of modified equations: radius of convergence, optimal order, remaining error.
 
-On linear systems the modified equation converges up to the nearest zero or pole of the stability function. In general
-it diverges: the terms h^k f_{k+1}(y) shrink up to some power of h and grow beyond it, and the smallest term is about
-the best accuracy that any truncation has.
+On linear systems the modified equation converges up to the nearest zero or pole of the stability function.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,15 +17,10 @@ from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
-from foundation.diagrams import draw_legend, write_title
-from foundation.plotting import BLUE, VERMILION, drawing
+from bseries.fields.term_sizes import Reach, TruncationWarning, term_norms, too_long
 from integrators.core.errors import shown
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 CANCELLATION = 1e-6  # relative distance below which a zero and a pole of an inexact function cancel
 
@@ -101,182 +93,6 @@ def _uncancelled(roots: Sequence[complex], others: Sequence[complex]) -> list[co
     return [z for z in roots if all(abs(z - other) > CANCELLATION * abs(z) for other in others)]
 
 
-NEARBY_POINTS = 4
-NEARBY = 2.0**-50  # relative distance of nearby points, whose values separate rounding errors from terms
-
-
-class TruncationWarning(UserWarning):
-    """Warning that the last terms of a truncated series make it worse."""
-
-
-class Reach(NamedTuple):
-    """Sizes of the terms of a field at a point, with the optimal truncation and the error.
-
-    Attributes:
-        label: The name of the field.
-        h: The step size.
-        norms: The norms of f_{k+1}(y), without h^k; 0 for pure rounding errors.
-        spectral_radius: That of the matrix of a linear scene; None for other scenes, or without a method.
-        radius: The radius of convergence on a linear scene; None if `spectral_radius` is.
-
-    Example:
-        >>> import bseries as bs
-        >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 6)
-        >>> found = bs.fields.reach(f, [1.0], 0.25)
-        >>> found.optimal_order, found.is_beyond, round(found.largest_step, 3)
-        (6, False, 0.505)
-    """
-
-    label: str
-    h: float
-    norms: tuple[float, ...]
-    spectral_radius: float | None = None
-    radius: float | None = None
-
-    @property
-    def order(self) -> int:
-        """The number N of terms, with the powers h^0 … h^(N−1)."""
-        return len(self.norms)
-
-    @property
-    def sizes(self) -> tuple[float, ...]:
-        """The norms of the terms, h^k times `norms`."""
-        powers = itertools.accumulate(self.norms[1:], lambda power, _: power * abs(self.h), initial=1.0)
-        return tuple(norm and norm * power for norm, power in zip(self.norms, powers, strict=True))
-
-    @property
-    def powers(self) -> tuple[int, ...]:
-        """The powers of h with nonzero terms."""
-        return tuple(k for k, norm in enumerate(self.norms) if norm)
-
-    @property
-    def optimal_power(self) -> int:
-        """The power of h of the smallest nonzero term (0 without one), where the series is best truncated.
-
-        Each term is compared by the maximum of its size and that of the term before: a single term may be small by
-        chance or by construction, and is not the optimum if later terms keep shrinking.
-        """
-        sizes, powers = self.sizes, self.powers
-        before = dict(zip(powers[1:], powers, strict=False))
-        return min(powers, key=lambda k: (max(sizes[before.get(k, k)], sizes[k]), sizes[k], -k), default=0)
-
-    @property
-    def optimal_order(self) -> int:
-        """The order of the best truncation; it includes the term with `optimal_power`."""
-        return self.optimal_power + 1
-
-    @property
-    def converges(self) -> bool | None:
-        """Whether the series converges: h times the spectral radius is below the radius; None if unknown."""
-        if self.spectral_radius is None or self.radius is None:
-            return None
-        return abs(self.h) * self.spectral_radius < self.radius
-
-    @property
-    def is_beyond(self) -> bool:
-        """Whether the order exceeds the optimum, so that the last terms make the field worse."""
-        if self.converges is not None:
-            return not self.converges
-        return bool(self.powers) and self.powers[-1] > self.optimal_power
-
-    @property
-    def error(self) -> float | None:
-        """Estimated error: the first omitted term, extrapolated from the last two; None for f alone."""
-        if len(self.powers) < 2:
-            return None
-        before, last = self.powers[-2:]
-        ratio = abs(self.h) * (self.norms[last] / self.norms[before]) ** (1 / (last - before))
-        # Symmetric methods have every other term only; the gap after f itself comes from the order of the method.
-        step = last - before if before else 1
-        return math.prod([self.sizes[last], *[ratio] * step])
-
-    @property
-    def best_error(self) -> float | None:
-        """The size of the optimal term, about the error of the best truncation; None for f alone."""
-        return self.sizes[self.optimal_power] if len(self.powers) > 1 else None
-
-    @property
-    def largest_step(self) -> float:
-        """The largest step size for which the order does not exceed the optimum at this point."""
-        if self.spectral_radius is not None and self.radius is not None:
-            return self.radius / self.spectral_radius if self.spectral_radius else math.inf
-        powers = self.powers
-        # Stopping at k is better if one of the last two terms, u, exceeds the term k and the one before it:
-        # h^u ‖f_u‖ > h^k ‖f_k‖ for both.
-        return min(
-            (
-                max((self.norms[k] / self.norms[u]) ** (1 / (u - k)) for k in powers[max(i - 1, 0) : i + 1])
-                for i in range(len(powers) - 1)
-                for u in powers[max(i + 1, len(powers) - 2) :]
-            ),
-            default=math.inf,
-        )
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The sizes of the nonzero terms against the power of h, with the optimal truncation.
-
-        Args:
-            ax: The axes, which are returned; None for those of a new figure.
-
-        Raises:
-            SeriesError: `ax` is no axes.
-            ImportError: matplotlib is not installed.
-
-        Example:
-            >>> import bseries as bs
-            >>> field = bs.modified_field("explicit-euler", "riccati", 12)
-            >>> axes = bs.fields.reach(field, [1.0], 0.25).plot()
-            >>> axes.get_ylabel(), len(axes.lines[0].get_xdata())
-            ('size of the term with $h^k$', 12)
-        """
-        sizes = [self.sizes[k] for k in self.powers]
-        with drawing(ax, SeriesError) as axes:
-            axes.plot(self.powers, sizes, color=BLUE, marker="o", label="terms")
-            if self.powers:
-                best = self.optimal_power
-                style = {"color": VERMILION, "marker": "D", "markersize": 6, "mfc": "none", "linestyle": "none"}
-                axes.plot([best], [self.sizes[best]], label=f"optimal, k = {best}", **style)
-                draw_legend(axes)
-            axes.locator_params(axis="x", integer=True)
-            axes.set(xlabel="k", ylabel="size of the term with $h^k$", yscale="log")
-            write_title(axes, f"{self.label}, h = {self.h:g}")
-        return axes
-
-    def __str__(self) -> str:
-        rows = ["power   size"]
-        for k, size in enumerate(self.sizes):
-            mark = "   optimal" if self.powers and k == self.optimal_power else ""
-            rows.append(f"h^{k:<5} {size:.3g}{mark}")
-        if self.converges is not None:
-            place = "inside: the series converges" if self.converges else "outside: the series diverges"
-            product = abs(self.h) * (self.spectral_radius or 0.0)
-            end = f"h times the spectral radius is {product:.6g}, the radius {self.radius:.6g}, {place}"
-        else:
-            place = "beyond the optimum" if self.is_beyond else "not beyond the optimum"
-            error = "unknown" if self.error is None else f"about {self.error:.1e}"
-            end = f"order {self.order}: {place}, next term {error}; largest h for it: {self.largest_step:.3g}"
-        return "\n".join([f"{self.label}, h = {self.h:g}", *rows, end])
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; None stands for an infinite or unknown value."""
-        return {
-            "schema": 1,
-            "kind": "reach",
-            "series": self.label,
-            "order": self.order,
-            "h": self.h,
-            "terms": [{"power": k, "size": size} for k, size in enumerate(self.sizes)],
-            **{
-                name: getattr(self, name)
-                for name in ("optimal_power", "optimal_order", "is_beyond", "error", "best_error")
-            },
-            "largest_step": self.largest_step if math.isfinite(self.largest_step) else None,
-            "spectral_radius": self.spectral_radius,
-            "radius": self.radius if self.radius is not None and math.isfinite(self.radius) else None,
-            "converges": self.converges,
-        }
-
-
 def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None) -> Reach:
     """Sizes of the terms of a truncated field at a point, its optimal truncation and its error.
 
@@ -310,7 +126,15 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
     References:
         HLW, section IX.7 (the optimal truncation index).
     """
-    norms = _norms(check_field(f), y)
+    states, shape = read_states(y, check_field(f).dimension)
+    if shape != (f.dimension,):
+        raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
+    if not np.isfinite(states).all():
+        raise SeriesError(f"y must be finite numbers, but was {shown(y)}")
+    norms = term_norms(f, states)[0]
+    for k, norm in enumerate(norms):
+        if not math.isfinite(norm):
+            raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
     step = read_step(h)
     if step == 0:
         raise SeriesError(f"h must be a finite number other than 0, but was {h!r:.60}")
@@ -322,46 +146,12 @@ def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None)
         raise SeriesError(f"h must be small enough for finite terms, but was {step:g}")
     if found.is_beyond:
         if found.converges is None:
-            last, far = found.optimal_power, found.largest_step
-            message = (
-                f"is worse at order {found.order} than at order {last + 1}: for h = {step:g} its terms no longer "
-                f"shrink beyond h^{last}; order {found.order} needs h ≤ {far:.3g}"
-            )
+            message = too_long(found)
         else:
             product = abs(step) * (found.spectral_radius or 0.0)
             message = f"diverges: h times the spectral radius must be below {found.radius:.6g}, but was {product:g}"
         warnings.warn(f"{found.label} {message}", TruncationWarning, stacklevel=2)
     return found
-
-
-def _norms(f: SceneSeries, y: Any) -> tuple[float, ...]:
-    """The Euclidean norms of the terms: 0 if all coefficients are, or if a term varies by its own size near y."""
-    states, shape = read_states(y, f.dimension)
-    if shape != (f.dimension,):
-        raise SeriesError(f"y must have the shape ({f.dimension},), but had {shape}")
-    point = states[0]
-    if not np.isfinite(point).all():
-        raise SeriesError(f"y must be finite numbers, but was {shown(y)}")
-    shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (f.dimension, NEARBY_POINTS))
-    nearby = point[:, None] + (np.abs(point).max() or 1.0) * shifts
-    values = f.terms(np.column_stack([point, nearby]))
-    here = values[:, :, 0]
-    norms = _lengths(here)
-    for k, norm in enumerate(norms):
-        if not math.isfinite(norm):
-            raise SeriesError(f"y must be where all terms of f are finite, but that with h^{k} was {norm}")
-    changes = _lengths(values[:, :, 1:] - here[:, :, None]).max(axis=1)
-    series = f.series
-    present = [not all(map(series.is_zero_at, series.table.ids(n))) for n in range(1, f.order + 1)]
-    return tuple(np.where(present & (changes < norms / 2), norms, 0.0).tolist())
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Euclidean norms along axis 1; entries are scaled, so that squares neither overflow nor underflow."""
-    largest = np.abs(vectors).max(axis=1, keepdims=True)
-    scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
-    with np.errstate(over="ignore"):
-        return np.linalg.norm(vectors / scale, axis=1) * scale[:, 0]
 
 
 def _spectral_radius(f: SceneSeries, method: RungeKutta) -> float | None:

@@ -106,7 +106,7 @@ def _flow(A: np.ndarray, b: np.ndarray, start: np.ndarray, f: bs.fields.SceneSer
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of diverging iterations
         for _ in range(ITERATIONS):
-            before, derivatives = derivatives, f(start[:, None] + h * derivatives @ A.T, h)
+            before, derivatives = derivatives, f.evaluator.value(start[:, None] + h * derivatives @ A.T, h)
             if abs(derivatives - before).max() < ROUNDING:
                 return start + h * derivatives @ b
     return np.full(len(start), np.nan)

@@ -19,6 +19,7 @@ from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
 from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
+from bseries.fields.term_sizes import warn_beyond_reach
 from bseries.hamiltonians.brackets.poisson_brackets import bracket_terms
 from bseries.hamiltonians.from_trees import EnergyFormulas, EnergySeries, energy_series, energy_trees
 from bseries.hamiltonians.generating_functions import generating_terms
@@ -124,6 +125,9 @@ class ModifiedHamiltonian:
     def __call__(self, y: Any, h: float, workers: int = 1) -> Any:
         """The value at one point or many.
 
+        A `TruncationWarning` is given if the modified equation is beyond its reach at one of up to 32 of the points.
+        `compiled` does not look.
+
         Args:
             y: The state, of shape (variables,), or (variables, n) for n points.
             h: The step size.
@@ -139,7 +143,13 @@ class ModifiedHamiltonian:
         step = read_step(h)
         values = self._energy.evaluator.values(states, step, workers)
         warn_where_not_finite(values, f"{self.label} on {self.scene.name}", step, stacklevel=3)
+        self._check_reach(states.T, step)
         return values if len(shape) == 2 else float(values[0])
+
+    def _check_reach(self, y: np.ndarray, h: float) -> None:
+        """Warn the caller of a method that states (variables, n) are beyond the reach of the series."""
+        if h:
+            warn_beyond_reach(self.field, y.T, h, f"{self.label} on {self.scene.name}", stacklevel=4)
 
     def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
         """The terms at one point or many, without the powers of h.
@@ -160,7 +170,7 @@ class ModifiedHamiltonian:
         return self._energy.evaluator.compiled
 
     def observer(self, h: float) -> Callable[[float, Any], float]:
-        """An observer (t, y) for `bs.integrate`.
+        """An observer (t, y) for `bs.integrate`; a `TruncationWarning` is given if the scene's start is beyond reach.
 
         Example:
             >>> import bseries as bs
@@ -171,6 +181,8 @@ class ModifiedHamiltonian:
             True
         """
         step, compiled = read_step(h), self.compiled
+        if self.scene.start is not None:
+            self._check_reach(self.scene.y0[:, None], step)
 
         def modified_energy(t: float, y: Any) -> float:
             """The modified Hamiltonian at y."""
@@ -290,6 +302,7 @@ class ModifiedHamiltonian:
         with catch_warnings():
             simplefilter("ignore")  # H̃ need not be finite everywhere in a window
             values = self(states, h).reshape(POINTS, POINTS)
+        self._check_reach(states if run is None else run.y, h)
         if not np.isfinite(values).any():
             raise SeriesError(f"window must have points where H~ is finite, but was {ends}")
         with drawing(ax, SeriesError) as axes:

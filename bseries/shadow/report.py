@@ -13,6 +13,7 @@ import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
+from bseries.shadow.slope_noise import CHANCE, slope_noise
 from foundation.diagrams import OVER_DATA, axis_label, draw_curves, write_title
 from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
@@ -25,10 +26,6 @@ if TYPE_CHECKING:
 
 
 BLOCKS = 2048
-LEAST_BLOCKS = 16
-"""Least number of blocks for an error estimate."""
-WANDERS = 2.5
-"""Ratio of squared differences of distant and neighbouring blocks from which on values are a random walk."""
 
 
 class OrderStatistics(NamedTuple):
@@ -41,6 +38,7 @@ class OrderStatistics(NamedTuple):
     gap: float | None  # half the range of its difference to the order before; None for order 2
     drift: float  # the slope of the line by least squares, in energy per time
     drift_error: float  # the standard error of the slope, with correlations in time taken into account
+    drift_limit: float  # the slope that noise alone exceeds in 0.27 % of runs
 
 
 @float_kernel
@@ -116,6 +114,7 @@ class Statistics:
         n = self.count
         total, weighted, squares, least, largest, least_gap, largest_gap = map(float, self._moments[k])
         slope = (weighted - 0.5 * (n - 1) * total) * 12 / (n * (n * n - 1.0))
+        noise, duration = slope_noise(means), self.size * abs(h)
         about_line = squares - total * total / n - slope * slope * n * (n * n - 1.0) / 12
         return OrderStatistics(
             order=self.orders[k],
@@ -124,32 +123,9 @@ class Statistics:
             scatter=math.sqrt(max(about_line, 0.0) / (n - 2)),
             gap=0.5 * (largest_gap - least_gap) if k else None,
             drift=slope / h,
-            drift_error=slope_error(means) / (self.size * abs(h)),
+            drift_error=noise.error / duration,
+            drift_limit=noise.limit / duration,
         )
-
-
-def slope_error(means: np.ndarray) -> float:
-    """The standard error per block of the slope of a line through the means of blocks.
-
-    Blocks are merged until few are left, and the largest error is used: it grows as long as neighbouring blocks are
-    correlated, then stays constant. Random walks are taken into account as well.
-
-    References:
-        Flyvbjerg, Petersen, J. Chem. Phys. 91 (1989) 461, doi:10.1063/1.457480 (blocks).
-    """
-    errors, width = [0.0], 1
-    while len(means) >= LEAST_BLOCKS:
-        places = np.arange(len(means)) - 0.5 * (len(means) - 1)
-        spread = float(places @ places)
-        rest = means - np.mean(means) - places * (float(places @ means) / spread)  # about the least-squares line
-        errors.append(math.sqrt(float(rest @ rest) / (len(means) - 2) / spread) / width)
-        if len(means) < 4 * LEAST_BLOCKS:
-            far = len(rest) // 4
-            near, distant = (float(np.mean((rest[k:] - rest[:-k]) ** 2)) for k in (1, far))
-            if distant > WANDERS * near:  # the slope of a random walk, whose variance grows by this per block
-                errors.append(math.sqrt(1.2 * ((distant - near) / (far - 1)) / len(means)) / width)
-        means, width = means[: len(means) // 2 * 2].reshape(-1, 2).mean(axis=1), 2 * width
-    return max(errors)
 
 
 HEADINGS = ("order", "mean", "±", "scatter", "drift", "± drift")
@@ -184,7 +160,8 @@ def _sentences(report: ShadowReport, bound: float | None) -> Iterator[str]:
         change = best.drift * report.h * (report.states - 1)
         yield f"Drift: {drift} energy per time, {change:.2g} in all {alone}"
     else:
-        yield f"No drift: {drift} is zero within 3 standard errors {alone}"
+        limit = f"noise alone exceeds {best.drift_limit:.1g} in {CHANCE:.2%} of runs"
+        yield f"No drift: {drift}; {limit} {alone}"
     if most is not None:
         part = report.h / most
         size = "small" if part <= COMFORTABLE else "moderate" if part <= LARGE else "large"
@@ -234,8 +211,6 @@ GAIN = 1.25
 """Least reduction of the scatter, as a factor, that makes a higher order useful."""
 LOSS = 3.0
 """Ratio to the least scatter from which on an order is worse."""
-SIGNIFICANT = 3.0
-"""Number of standard errors of a significant drift."""
 ROUNDINGS = 4
 """Scatter that counts as rounding, in roundings of the energy."""
 
@@ -249,7 +224,8 @@ class ShadowReport:
         start: The time of the first state.
         states: The number of states.
         rows: For each order its statistics: `order`, `mean`, `deviation` (half the range), `scatter` (about a line),
-            `gap` (half the range of the difference to the order before), `drift` with its `drift_error`.
+            `gap` (half the range of the difference to the order before), `drift` with its
+            `drift_error`, and `drift_limit`, which noise alone exceeds in 0.27 % of runs.
         values: The energies by order, if they were kept, at the times `times`.
 
     Example:
@@ -313,8 +289,8 @@ class ShadowReport:
 
     @property
     def has_drift(self) -> bool:
-        """Whether the drift of the best order exceeds three standard errors."""
-        return abs(self.best.drift) > SIGNIFICANT * self.best.drift_error
+        """Whether the drift of the best order exceeds its `drift_limit`, as by chance in 0.27 % of runs."""
+        return abs(self.best.drift) > self.best.drift_limit
 
     @property
     def gaps(self) -> dict[int, float]:

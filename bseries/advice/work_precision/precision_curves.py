@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.predictions.prediction import duration
 from bseries.advice.timing import machine
-from bseries.advice.work_precision.recommendation import Recommendation, choose
+from bseries.advice.work_precision.recommendation import Recommendation, bracket, choose
 from bseries.advice.work_precision.sweeps import (
     LEAST_SECONDS,
     Curve,
@@ -173,7 +173,7 @@ class WorkPrecision:
         }
 
     def to_table(self, choices: Mapping[float, Recommendation | str] | None = None) -> Table:
-        """CPU times by powers of ten of the error as a table, which is text, Markdown, CSV, LaTeX, HTML or JSON.
+        """CPU times of runs by powers of ten of the error as a table: text, Markdown, CSV, LaTeX, HTML or JSON.
 
         Args:
             choices: For error tolerances, the result of `best` or the reason for its refusal, printed below the table.
@@ -182,7 +182,7 @@ class WorkPrecision:
         first, last = (round(math.log10(error), 9) for error in self.errors)  # 1e-3 is no power of ten in doubles
         powers = range(math.floor(first), math.ceil(last) - 1, -1)
         decades = [float(f"1e{k}") for k in powers] or list(self.errors)
-        times = [times_of(self, error, measure, choices.get(error)) for error in decades]
+        times = run_times(self.curves, decades, measure, choices)
         rows = []
         for name in (curve.candidate.name for curve in self.curves):
             cells = (duration(t[name]) + "*" * (name == best) if name in t else "" for t, best in times)
@@ -317,17 +317,44 @@ def _rounded(value: float) -> float:
     return float(f"{nearest * power:.0e}")
 
 
-def times_of(
-    found: WorkPrecision, error: float, measure: str, choice: Recommendation | str | None
-) -> tuple[dict[str, float], str | None]:
-    """CPU seconds for an error by method, and the cheapest: from the recommendation if there is one."""
-    interpolated = {curve.candidate.name: curve.seconds(error, measure) for curve in found.curves}
-    times = {name: seconds for name, seconds in interpolated.items() if seconds is not None}
-    if isinstance(choice, str):
-        return times, None
-    if choice is not None:
-        return {**times, **choice.examined, choice.method: choice.seconds}, choice.method
-    return times, min(times, key=times.__getitem__, default=None)
+def run_times(
+    curves: Sequence[Curve], errors: Sequence[float], measure: str, choices: Mapping[float, Recommendation | str]
+) -> list[tuple[dict[str, float], str | None]]:
+    """For each error, from the largest on, CPU seconds of runs that meet it by method, and the cheapest method.
+
+    The runs are those of recommendations, with refined steps, and otherwise rows of the curves, where all smaller steps
+    meet the error as well. No run is cheaper than that for a larger error, which may have met a smaller one by chance.
+    """
+    refined = [
+        {} if choice is None or isinstance(choice, str) else {**choice.examined, choice.method: choice.seconds}
+        for choice in map(choices.get, errors)
+    ]
+    times: list[dict[str, float]] = [{} for _ in errors]
+    for curve in curves:
+        name, least = curve.candidate.name, 0.0
+        for column, error, known in zip(times, errors, refined, strict=True):
+            seconds = known.get(name) or _row_time(curve, error, measure, least)
+            if seconds is not None:
+                column[name] = least = seconds
+        for looser, tighter, known in reversed(list(zip(times, times[1:], refined, strict=False))):
+            if name in tighter and name not in known:
+                looser[name] = min(looser.get(name, math.inf), tighter[name])
+    stars = (
+        None
+        if isinstance(choice, str)
+        else choice.method
+        if choice
+        else min(column, key=column.__getitem__, default=None)
+        for column, choice in zip(times, map(choices.get, errors), strict=True)
+    )
+    return list(zip(times, stars, strict=True))
+
+
+def _row_time(curve: Curve, error: float, measure: str, least: float) -> float | None:
+    """CPU seconds, at least `least`, of the row with the largest step that meets an error with all smaller steps."""
+    good, _ = bracket(curve.sizes(measure), error)
+    able = [row.seconds for row in curve.rows if row.seconds and good is not None and row.steps >= good]
+    return max(least, min((seconds for seconds in able if seconds >= least), default=max(able))) if able else None
 
 
 def _advice(error: float, choice: Recommendation | str) -> str:

@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 import bseries as bs
-from bseries.advice.work_precision.precision_curves import times_of
+from bseries.advice.timing import Timing
+from bseries.advice.work_precision.precision_curves import run_times
 from bseries.advice.work_precision.recommendation import Recommendation
+from bseries.advice.work_precision.sweeps import Curve, Row, RunErrors
 
 SMALL = ("cost", "pendulum", "--methods", "stormer-verlet,rk4", "--span", "10", "--errors", "1e-2:1e-4")
 
@@ -31,21 +33,30 @@ def test_the_table_and_the_recommendation(answer):
     assert any(line.startswith("Measured ") for line in lines)
 
 
-def test_the_star_is_at_the_method_that_is_recommended():
-    class Curve:
-        def __init__(self, name, seconds):
-            self.candidate, self._seconds = SimpleNamespace(name=name), seconds
+def test_cells_are_runs_and_the_star_is_at_the_method_that_is_recommended():
+    """The row with 20 steps meets 1e-5 by chance: with 40 it is not met."""
 
-        def seconds(self, error, measure):
-            return self._seconds
+    def curve(name, *rows, step=1e-6):
+        timing = Timing(step, step, step, 5)
+        kept = (Row(1 / n, n, timing, RunErrors(solution=error)) for n, error in rows)
+        return Curve(SimpleNamespace(name=name), tuple(kept))
 
-    found = SimpleNamespace(curves=[Curve("rk4", 2e-5), Curve("gauss2", 1e-5), Curve("midpoint", 3e-5)], span=10.0)
-    choice = Recommendation("rk4", 0.1, 100, 3e-6, 1e-4, "solution", 10.0, "measured over 10", {"gauss2": 4e-6})
-    recommended = {"rk4": 3e-6, "gauss2": 4e-6, "midpoint": 3e-5}
-    interpolated = {"rk4": 2e-5, "gauss2": 1e-5, "midpoint": 3e-5}
-    assert times_of(found, 1e-3, "solution", choice) == (recommended, "rk4")
-    assert times_of(found, 1e-3, "solution", None) == (interpolated, "gauss2")
-    assert times_of(found, 1e-3, "solution", "no method reaches it") == (interpolated, None)
+    errors, rows = (1e-3, 1e-4, 1e-5), ((10, 1e-2), (20, 1e-6), (40, 5e-4), (80, 5e-5), (160, 5e-6))
+    curves = [curve("rk4", *rows), curve("gauss2", (10, 5e-4), (20, 2e-5), (40, 1e-6)), curve("midpoint", (50, 1e-3))]
+    times, stars = zip(*run_times(curves, errors, "solution", {}), strict=True)
+    assert [column.get("rk4") for column in times] == pytest.approx([20e-6, 80e-6, 160e-6])
+    assert [column.get("gauss2") for column in times] == pytest.approx([10e-6, 20e-6, 40e-6])
+    assert [column.get("midpoint") for column in times] == [pytest.approx(50e-6), None, None]
+    assert stars == ("gauss2", "gauss2", "gauss2")
+    choice = Recommendation("rk4", 0.1, 100, 9e-6, 1e-4, "solution", 10.0, "measured over 10", {"gauss2": 30e-6})
+    times, stars = zip(*run_times(curves, errors, "solution", {1e-4: choice, 1e-5: "no method"}), strict=True)
+    assert [column["rk4"] for column in times] == pytest.approx([9e-6, 9e-6, 160e-6])  # which meets a larger error
+    assert [column["gauss2"] for column in times] == pytest.approx([10e-6, 30e-6, 40e-6])
+    assert stars == ("rk4", "rk4", None)
+    dear = choice._replace(examined={"gauss2": 35e-6}, seconds=100e-6)
+    times, _ = zip(*run_times(curves, errors, "solution", {1e-3: dear}), strict=True)
+    assert [column["rk4"] for column in times] == pytest.approx([100e-6, 160e-6, 160e-6])  # not 80: that was chance
+    assert [column["gauss2"] for column in times] == pytest.approx([35e-6, 40e-6, 40e-6])
 
 
 def test_json_and_csv_have_all_runs(answer):

@@ -31,6 +31,17 @@ def test_a_picture_is_written_beside_the_answer(verb, answer, tmp_path):
     assert with_picture.splitlines()[0]
 
 
+def test_a_modified_energy_beyond_its_reach_is_drawn_with_a_warning(run, tmp_path):
+    path, verb = str(tmp_path / "levels.png"), ("hamiltonian", "stormer-verlet", "--scene", "pendulum", "--order", "9")
+    found = run(*verb, "--step", "1.7", "--plot", path)
+    assert found.exit_code == 0
+    assert found.stderr.startswith(
+        "bseries: warning: the modified Hamiltonian of stormer-verlet-kdk on pendulum is worse"
+    )
+    assert found.stderr.count("\n") == 1
+    assert run(*verb, "--step", "0.2", "--plot", path).stderr == ""
+
+
 def test_formats_follow_the_suffix(answer, tmp_path):
     for suffix, beginning in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("PDF", b"%PDF")):
         path = tmp_path / f"trees.{suffix}"

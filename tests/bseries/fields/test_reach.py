@@ -141,6 +141,10 @@ def reach_of(*sizes):
         ((1, 0, 0.1, 0, 0.01, 0, 0.2, 0), 4),
         ((1, 0, 0, 1e-9, 1e-8), 4),  # a leading term made small
         ((1, 1e-2, 1e-9, 1e-6, 1e-8), 4),  # a term small by chance
+        ((1, 0, 0.03, 0, 0.5, 0, 0.08, 0, 0.48), 6),  # two small terms between two that do not shrink
+        ((1, 0, 0.03, 0, 0.5, 0, 0.08, 0, 0.3), 8),
+        ((1, 0.5, 0.4, 0.38, 0.37), 3),  # each term shrinks, but two together hardly do
+        ((1, 0.5, 0.3, 0.2, 0.1), 4),
         ((1, 2), 0),
         ((1, 0, 0), 0),
         ((0, 0), 0),
@@ -153,12 +157,61 @@ def test_the_optimal_power(sizes, optimal):
     assert (found.largest_step < 1) == found.is_beyond
 
 
+def test_an_envelope_that_does_not_shrink_is_at_its_end():
+    """Implicit midpoint on a pendulum at h = 3: the terms after h^8 are 0.94, 10, 82, and no order is better than 7."""
+    f = bs.modified_field("implicit-midpoint", "pendulum", 9)
+    found = silently(f, [0.3, -1.5], 3.0)
+    assert found.sizes[::2] == pytest.approx([1.04, 0.025, 0.511, 0.0746, 0.48], rel=5e-3)
+    assert (found.optimal_order, found.is_beyond) == (7, True)
+    assert not silently(f, [0.3, -1.5], 2.0).is_beyond
+
+
 def test_one_warning_for_each_call():
     f = bs.modified_field(RK4, RICCATI, 9)
     with pytest.warns(bs.fields.TruncationWarning) as caught:
         bs.fields.reach(f, [1.0], 1.0)
     assert [str(warning.message).count(". ") for warning in caught] == [0]
     assert caught[0].filename == __file__
+
+
+def test_values_beyond_reach_are_not_given_in_silence():
+    """HLW, section IX.7: the flow of rk4's linear field converges for |hλ| < 1.94 only, and h = 3."""
+    H = bs.modified_hamiltonian("implicit-midpoint", "pendulum", 9)
+    f = bs.modified_field(RK4, "linear", 9)
+    warned = r"the modified {} on {} is worse at order 9 than at order \d: for h = {} its .* order 9 needs h ≤"
+    energy = warned.format("Hamiltonian of implicit-midpoint", "pendulum", 5)
+    with pytest.warns(bs.fields.TruncationWarning, match=energy) as caught:
+        assert H([0, -1.5], 5) == pytest.approx(-3.18, abs=0.01)
+    assert [each.filename for each in caught] == [__file__]
+    with pytest.warns(bs.fields.TruncationWarning, match=energy) as caught:
+        H(np.transpose([[0, -0.1]] * 99 + [[0, -1.5]] * 9), 5.0)
+    assert [each.filename for each in caught] == [__file__]
+    for call in (H.observer, lambda h: H.plot(h=h, window=(-2, -1, -1, 1)), lambda h: H.gradient([0, -1.5], h)):
+        with pytest.warns(bs.fields.TruncationWarning, match="is worse at order 9"):
+            call(5.0)
+    with pytest.warns(bs.fields.TruncationWarning, match=warned.format("equation of rk4", "linear", 3)) as caught:
+        f([1, 1], 3.0)
+    assert [each.filename for each in caught] == [__file__]
+
+
+def test_values_within_reach_and_compiled_code_are_silent():
+    """Negative control: warnings are errors, also at zeros of H and at rest, where terms vanish or are rounding."""
+    H = bs.modified_hamiltonian("implicit-midpoint", "pendulum", 9)
+    run = bs.integrate("implicit-midpoint", "pendulum", h=0.5, steps=300)
+    (
+        H(run.y, 0.5),
+        H.field(run.y, 0.5),
+        H([0, math.pi / 2], 0.5),
+        H([0, 0], 5.0),
+        H([0, -1.5], 0),
+        H(np.empty((2, 0)), 5),
+    )
+    bs.modified_field(RK4, "linear", 9)([1, 1], 1.0)
+    bs.series_map(RK4, "linear", 9)([1, 1], 3.0)
+    assert H.compiled(np.array([0, -1.5]), 5.0) == pytest.approx(-3.18, abs=0.01)
+    out = np.empty(2)
+    H.field.compiled(np.array([0, -1.5]), 5.0, out)
+    assert np.array_equal(H.field.evaluator.value([0, -1.5], 5.0), out)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +262,7 @@ def test_text_and_plain_data():
         "h^2     0.0025",
         "h^3     0",
         "h^4     1.25e-05   optimal",
-        "order 5: not beyond the optimum, next term about 6.3e-08; largest h for it: 1.68",
+        "order 5: not beyond the optimum, next term about 6.3e-08; largest h for it: 1.54",
     ]
     data = json.loads(json.dumps(found.to_dict()))
     assert data["kind"] == "reach"

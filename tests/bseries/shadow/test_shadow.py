@@ -17,7 +17,8 @@ import bseries as bs
 from bseries.picture_files import check_picture
 from bseries.shadow import trajectory_energies
 from bseries.shadow.formulas import shadow_formula
-from bseries.shadow.report import BLOCKS, Statistics, slope_error
+from bseries.shadow.report import BLOCKS, Statistics
+from bseries.shadow.slope_noise import slope_noise
 from bseries.shadow.trajectory_energies import formula_arrays
 from integrators.core import text_files
 
@@ -455,7 +456,7 @@ def test_errors_of_slopes_are_those_that_slopes_have(kind, least, most):
             noise = np.cumsum(noise)
         if kind == "correlated":
             noise = np.convolve(noise, 0.9 ** np.arange(100))[: len(noise)]
-        parts.append(np.polyfit(np.arange(1024), noise, 1)[0] / slope_error(noise))
+        parts.append(np.polyfit(np.arange(1024), noise, 1)[0] / slope_noise(noise).error)
     assert least < np.sqrt(np.mean(np.square(parts))) < most
 
 
