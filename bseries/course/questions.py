@@ -245,7 +245,7 @@ def tall_coefficients(name: str) -> tuple[Any, ...]:
 
 def numerical_frequency(name: str) -> tuple[Any]:
     """The frequency of a method for the oscillator (p² + ω² q²)/2; it is ω times that for ω = 1 with the step ωh."""
-    closed = bs.hamiltonians.closed_hamiltonian(name, bs.parse_hamiltonian("(p^2 + q^2)/2")).expression(h)
+    closed = bs.hamiltonians.closed_hamiltonian(name, "harmonic-oscillator").expression(h)
     return ((closed / ((p**2 + q**2) / 2) * omega).cancel().subs(h, h * omega),)
 
 
