@@ -30,7 +30,8 @@ def hamiltonian(answer):
 
     def read(*arguments: str):
         data = json.loads(answer("hamiltonian", *arguments, "--format", "json"))
-        return data, {term["power"]: formula(term["hamiltonian"], (*data["variables"], "omega")) for term in data["terms"]}
+        names = (*data["variables"], "omega")
+        return data, {term["power"]: formula(term["hamiltonian"], names) for term in data["terms"]}
 
     return read
 
