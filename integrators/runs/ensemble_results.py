@@ -164,9 +164,9 @@ class EnsembleResult(Tabular):
         final: The last states, (members, variables), nan for failed members; no rows if they were not saved.
 
     Example:
-        >>> from integrators import scene
-        >>> from integrators.runs.ensembles import ensemble
-        >>> result = ensemble("rk4", scene("riccati"), h=0.1, steps=20, y0=[[-1], [-2], [9]], observe=None, final=True)
+        >>> import bseries as bs
+        >>> starts = [[-1], [-2], [9]]
+        >>> result = bs.ensemble("rk4", "riccati", h=0.1, steps=20, y0=starts, observe=None, final=True)
         >>> result
         <EnsembleResult rk4 on riccati: 3 members, 1 failed, 21 times>
         >>> [(failure.member, failure.step) for failure in result.failures]
@@ -223,10 +223,9 @@ class EnsembleResult(Tabular):
             IntegratorError: The name is unknown, or `ax` is no axes.
 
         Example:
-            >>> from integrators import scene
-            >>> from integrators.runs.ensembles import ensemble
+            >>> import bseries as bs
             >>> starts = [[0, 1], [0, 1.1], [0, 1.2]]
-            >>> axes = ensemble("rk4", scene("pendulum"), h=0.1, steps=20, y0=starts, keep=2).plot()
+            >>> axes = bs.ensemble("rk4", bs.scene("pendulum"), h=0.1, steps=20, y0=starts, keep=2).plot()
             >>> axes.get_ylabel(), len(axes.lines)
             ('energy', 3)
         """
@@ -287,12 +286,11 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         IntegratorError: The file is not that of an ensemble.
 
     Example:
+        >>> import bseries as bs
         >>> import tempfile
-        >>> from integrators import scene
-        >>> from integrators.runs.ensembles import ensemble
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     ensemble("rk4", scene("pendulum"), h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
-        ...     load_ensemble(f"{folder}/out.npz")
+        ...     bs.ensemble("rk4", bs.scene("pendulum"), h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
+        ...     bs.runs.load_ensemble(f"{folder}/out.npz")
         <EnsembleResult rk4 on pendulum: 2 members, 11 times>
     """
     sentence = f"{shorten(check_path(path, 'path'), 200)} must be the file of an ensemble, but was not"
