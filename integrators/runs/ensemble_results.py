@@ -28,6 +28,8 @@ from integrators.runs.storage import check_identity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 class Statistics(NamedTuple):
@@ -246,7 +248,7 @@ class EnsembleResult(Tabular):
             axes.set(xlabel=axis_label("t"), ylabel=f"{kind} change of {name}" if kind else name)
         return axes
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """A ``pandas.DataFrame`` by time, with columns (quantity, statistic).
 
         Raises:
@@ -257,7 +259,7 @@ class EnsembleResult(Tabular):
         columns[("count", "")] = self.count
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> Dataset:
         """An ``xarray.Dataset`` of mean, std, minimum, maximum, (quantity, time), and count, (time).
 
         Raises:

@@ -31,6 +31,8 @@ from integrators.core.text_files import check_path, read_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 OBSERVED = "observed/"
@@ -194,7 +196,7 @@ class Trajectory(Tabular):
         columns = stored | dict(self.observed) | {"t": self.observed_t if observed else self.t}
         return [columns[name] for name in names]
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and quantity.
 
         Raises:
@@ -209,7 +211,7 @@ class Trajectory(Tabular):
         columns = dict(zip(self.variables, self.y, strict=True)) | self.observed
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> Dataset:
         """The trajectory as an ``xarray.Dataset``: y (variable, time), and observations (time) or (observed_time).
 
         Raises:
