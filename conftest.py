@@ -1,11 +1,34 @@
 """Settings for tests and doctests alike: where generated code is kept, and for how long costs are measured."""
 
+import inspect
 import os
 import sys
 from pathlib import Path
 
+import pytest
+
 # With the tests' other caches, not with the user's.
 os.environ.setdefault("BSERIES_CACHE", str(Path(__file__).parent / ".pytest_cache" / "generated"))
+
+
+NOT_YET = ("bseries.algebra.", "bseries.exact.")
+"""Modules whose examples still use the names of their files."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]):
+    """Examples of public things run in an empty namespace, as where a reader pastes them."""
+    tests = [item.dtest for item in items if isinstance(item, pytest.DoctestItem) and item.dtest]
+    tests = [test for test in tests if "__name__" in test.globs and not test.globs["__name__"].startswith(NOT_YET)]
+    if not tests:
+        return
+    import bseries
+
+    places = [bseries, *(place for name in dir(bseries) if inspect.ismodule(place := getattr(bseries, name)))]
+    public = {name: place for place in places for name in dir(place)}
+    for test in tests:
+        name = test.name.removeprefix(f"{test.globs['__name__']}.").partition(".")[0]
+        if name in public and getattr(public[name], name) is test.globs.get(name):
+            test.globs.clear()
 
 
 def pytest_collection_finish():

@@ -29,13 +29,13 @@ def json_schema(kind: str | None = None) -> dict[str, Any]:
         SeriesError: There are no documents of this kind.
 
     Example:
-        >>> json_schema("series")["$ref"]
+        >>> import bseries as bs
+        >>> bs.json_schema("series")["$ref"]
         '#/$defs/series'
         >>> import jsonschema
-        >>> import bseries as bs
         >>> document = bs.series("rk4", 3).to_dict()
-        >>> jsonschema.validate(document, json_schema("series"))
-        >>> jsonschema.validate({**document, "order": "3"}, json_schema("series"))
+        >>> jsonschema.validate(document, bs.json_schema("series"))
+        >>> jsonschema.validate({**document, "order": "3"}, bs.json_schema("series"))
         Traceback (most recent call last):
         ...
         jsonschema.exceptions.ValidationError: '3' is not of type 'integer'

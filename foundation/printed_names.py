@@ -22,9 +22,9 @@ SHORT = _spellings(
     "ABC AVF DOP GARK GRK IA IIA IIIA IIIB IIIC IIID IIIE PEFRL RK RKN RODAS ROS SDIRK SSPRK TDRK Tsit W (KDK) (DKD)"
 )
 PLAIN = _spellings(
-    "body brusselator central charged classical collocation dipole double energy explicit field flow general implicit "
-    "jump linear magnetic midpoint nonlinear oscillator outer particle pendulum perturbed rigid simplified solar "
-    "symplectic system trapezoidal triple"
+    "body brusselator central charged classical collocation dipole double energy explicit field flow general harmonic "
+    "implicit jump linear magnetic midpoint nonlinear oscillator outer particle pendulum perturbed rigid simplified "
+    "solar symplectic system trapezoidal triple"
 )
 KNOWN = PERSONS | SHORT | PLAIN
 WHOLE = {

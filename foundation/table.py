@@ -10,12 +10,15 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import partial
 from itertools import islice
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
 from foundation.extras import optional_module
 from foundation.formulas import formula_text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 GAP = "  "
 LEAST_WIDTH = 8
@@ -168,7 +171,7 @@ class Table(NamedTuple):
         """The JSON document."""
         return "".join(self.write("json"))
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """The records as a ``pandas.DataFrame``; MissingPackage if pandas is not installed."""
         pandas = optional_module("pandas", "to_pandas")
         records = self.records or self
@@ -197,7 +200,7 @@ def as_html(self: Any) -> str:
     return self.to_table().head().to_html()
 
 
-def as_frame(self: Any) -> Any:
+def as_frame(self: Any) -> DataFrame:
     """The rows of a result that has a table, as a ``pandas.DataFrame``."""
     return self.to_table().to_pandas()
 

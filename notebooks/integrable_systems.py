@@ -168,9 +168,10 @@ right.set(aspect="equal", xlabel="$q_1$", ylabel="$q_2$", title=r"(b) with $\mu 
 pyplot.show()
 
 # %% [markdown]
-# Near most of these tori, those whose frequencies are not resonant, the method has tori of its own, up to tiny errors,
-# with frequencies that are off by O(h²): so its error grows, but over long times no faster than linearly. That is the
-# subject of `linear_error_growth.py`.
+# H is analytic, and for μ ≠ 0 the frequencies change independently with the actions. So near most of these tori, those
+# whose frequencies satisfy a Diophantine condition, the truncated modified equation has tori of its own, by the KAM
+# theorem, with frequencies that are off by O(h²); the method follows them up to tiny errors. Its error grows, but over
+# long times no faster than linearly. That is the subject of `linear_error_growth.py`.
 #
 # ## Example 9: the Toda lattice
 #

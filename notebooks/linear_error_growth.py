@@ -20,9 +20,9 @@
 # Integration*, sections X.2 and X.3). Symplecticity is not the only way to such actions: symmetric methods on
 # reversible integrable systems have them too (ibid., section XI.3), as is seen below.
 #
-# **Theorem 7.** Let the system be integrable and real-analytic, the method symplectic of order r with a modified
-# Hamiltonian that is globally defined, the frequencies ω(a*) strongly non-resonant with exponent ν, and let the actions
-# of the start be within c |log h|^(−ν−1) of a*. Then, for h small enough and over times t ≤ h^(−r), the error of the
+# **Theorem 7.** Let the system be integrable and real-analytic, the method analytic, symplectic and of order r, with a
+# modified Hamiltonian that is globally defined, the frequencies ω(a*) strongly non-resonant with exponent ν, and the
+# actions of the start within c |log h|^(−ν−1) of a*. Then, for h small enough, while t ≤ h^(−r), the error of the
 # solution is at most C t h^r, and that of the actions at most C h^r.
 
 # %%

@@ -168,7 +168,7 @@ for h in (0.7, 1.0, 1.29, 1.3):
     print(f"h = {h}: ", *(f"{value:8.0e}" for value in found))
 
 # %% [markdown]
-# A map of all starts shows why. There is a chaotic layer at the separatrix for every h, but it is exponentially thin as
+# A map of all starts shows why. A chaotic layer at the separatrix is expected for every h, exponentially thin as
 # h → 0. The solution on the separatrix has its singularities at the times ±iπ/2, and so, up to a factor, the width of
 # the layer in energy is $h^{-3}e^{-\pi^2/h}$, its width in p at q = 0 as well, and that at the saddle point, where the
 # energy is p²/2, is $h^{-3/2}e^{-\pi^2/2h}$ (Lazutkin's exponent; the powers of h are measured for this method). Below

@@ -132,9 +132,10 @@ def count_trees(
         TreeError: An argument is out of its range.
 
     Example:
-        >>> count_trees(10)
+        >>> import bseries as bs
+        >>> bs.trees.count_trees(10)
         (1, 1, 2, 4, 9, 20, 48, 115, 286, 719)
-        >>> count_trees(4, colors=2)
+        >>> bs.trees.count_trees(4, colors=2)
         (2, 4, 14, 52)
 
     References:

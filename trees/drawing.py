@@ -178,8 +178,8 @@ def svg(
         TreeError: If there is no tree, there are too many trees or nodes, or not one label per tree.
 
     Example:
-        >>> from trees import Tree
-        >>> svg(Tree("[τ,[τ]]")).count("<circle")
+        >>> import bseries as bs
+        >>> bs.trees.svg(bs.Tree("[τ,[τ]]")).count("<circle")
         4
     """
     picture = arrange(trees, columns, labels, names)
@@ -221,9 +221,9 @@ def draw(
         ImportError: If matplotlib is not installed.
 
     Example:
+        >>> import bseries as bs
         >>> from matplotlib.figure import Figure
-        >>> from trees import Tree
-        >>> len(draw(Tree("[τ,[τ]]"), Figure().add_subplot()).collections)
+        >>> len(bs.draw(bs.Tree("[τ,[τ]]"), Figure().add_subplot()).collections)
         2
     """
     picture = arrange(trees, columns, labels, names)

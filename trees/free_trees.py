@@ -46,7 +46,8 @@ class FreeTree(NamedTuple):
     automorphisms, |τ| / Σ 1/σ over the rootings.
 
     Example:
-        >>> star = free_tree_classes(4)[-1]
+        >>> import bseries as bs
+        >>> star = bs.trees.free_tree_classes(4)[-1]
         >>> star.representative, star.symmetry, star.is_superfluous
         (Tree('[τ,τ,τ]'), 6, False)
         >>> star.rootings[0]
@@ -192,11 +193,12 @@ def free_tree_classes(
         TreeError: An argument is out of range, or a move of the root violates the bounds.
 
     Example:
-        >>> [str(free.representative) for free in free_tree_classes(5) if not free.is_superfluous]
+        >>> import bseries as bs
+        >>> [str(free.representative) for free in bs.trees.free_tree_classes(5) if not free.is_superfluous]
         ['τ', '[τ,τ]', '[τ,τ,τ]', '[[τ],[τ]]', '[τ,τ,[τ]]', '[τ,τ,τ,τ]']
-        >>> [(str(tree), sign, many) for tree, sign, many in free_tree_classes(3)[-1].rootings]
+        >>> [(str(tree), sign, many) for tree, sign, many in bs.trees.free_tree_classes(3)[-1].rootings]
         [('[[τ]]', -1, 2), ('[τ,τ]', 1, 1)]
-        >>> [free.representative.text("pq") for free in free_tree_classes(2, colors=2, blocks=True)]
+        >>> [free.representative.text("pq") for free in bs.trees.free_tree_classes(2, colors=2, blocks=True)]
         ['p', 'p[p]']
 
     References:

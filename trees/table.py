@@ -66,13 +66,14 @@ class TreeTable(Sequence[Tree]):
         TreeError: An argument is out of range, or the table would not fit in memory (refused before any work).
 
     Example:
-        >>> table = TreeTable(4)
+        >>> import bseries as bs
+        >>> table = bs.TreeTable(4)
         >>> len(table), str(table[5]), table.index("[τ,[τ]]")
         (8, '[[τ,τ]]', 6)
         >>> table.density.tolist()
         [1, 2, 6, 3, 24, 12, 8, 4]
-        >>> separable = TreeTable(8, colors=2, max_children=[[0, None], [None, 0]])
-        >>> len(separable), len(TreeTable(8, colors=2))
+        >>> separable = bs.TreeTable(8, colors=2, max_children=[[0, None], [None, 0]])
+        >>> len(separable), len(bs.TreeTable(8, colors=2))
         (400, 24314)
 
     References:
@@ -202,7 +203,8 @@ class TreeTable(Sequence[Tree]):
             TreeError: The text is not a tree, or the tree is not in the table.
 
         Example:
-            >>> TreeTable(3, colors=2).index("p[q,q]")
+            >>> import bseries as bs
+            >>> bs.TreeTable(3, colors=2).index("p[q,q]")
             12
         """
         tree = tree if isinstance(tree, Tree) else Tree(tree)
@@ -236,7 +238,8 @@ class TreeTable(Sequence[Tree]):
         """The trees with their numbers and formulas.
 
         Example:
-            >>> print(TreeTable(2).to_table().to_text())
+            >>> import bseries as bs
+            >>> print(bs.TreeTable(2).to_table().to_text())
             2 rooted trees with at most 2 nodes
             <BLANKLINE>
             id  |τ|  tree τ  σ  γ  α  differential  elementary weight
@@ -301,7 +304,8 @@ class TreeTable(Sequence[Tree]):
         """The picture of all trees, in the order of their ids; arguments and errors are those of `draw`.
 
         Example:
-            >>> [text.get_text() for text in TreeTable(3).plot().texts]
+            >>> import bseries as bs
+            >>> [text.get_text() for text in bs.TreeTable(3).plot().texts]
             ['τ', '[τ]', '[[τ]]', '[τ,τ]']
         """
         return draw(self, ax, columns, labels)

@@ -38,7 +38,8 @@ class Tree:
         TreeError: If the text is not one tree; the message gives the position.
 
     Example:
-        >>> tree = Tree("[[τ]τ]")
+        >>> import bseries as bs
+        >>> tree = bs.Tree("[[τ]τ]")
         >>> tree, tree.order, tree.symmetry, tree.density
         (Tree('[τ,[τ]]'), 4, 1, 8)
         >>> tree.left, tree.right
@@ -90,7 +91,8 @@ class Tree:
             TreeError: If a child is not a tree, the colour is not 0, 1, …, or there are too many nodes.
 
         Example:
-            >>> Tree.join([Tree("[τ]"), Tree("τ")])
+            >>> import bseries as bs
+            >>> bs.Tree.join([bs.Tree("[τ]"), bs.Tree("τ")])
             Tree('[τ,[τ]]')
         """
         members = list(children)
@@ -114,7 +116,8 @@ class Tree:
             TreeError: If these are not the levels and colours of one tree.
 
         Example:
-            >>> Tree.from_levels([0, 1, 2, 1])
+            >>> import bseries as bs
+            >>> bs.Tree.from_levels([0, 1, 2, 1])
             Tree('[τ,[τ]]')
         """
         depths = _integers("levels", levels)
@@ -141,8 +144,9 @@ class Tree:
             TreeError: If the graph is not a tree with this root, or a colour is not 0, 1, ….
 
         Example:
+            >>> import bseries as bs
             >>> import networkx as nx
-            >>> Tree.from_networkx(nx.path_graph(3), root=1)
+            >>> bs.Tree.from_networkx(nx.path_graph(3), root=1)
             Tree('[τ,τ]')
         """
         if not all(hasattr(graph, name) for name in ("is_directed", "adj", "nodes")):
@@ -169,7 +173,8 @@ class Tree:
         """The tree as a directed graph with the attribute ``color`` of nodes 0, 1, … in preorder.
 
         Example:
-            >>> list(Tree("[τ,[τ]]").to_networkx().edges)
+            >>> import bseries as bs
+            >>> list(bs.Tree("[τ,[τ]]").to_networkx().edges)
             [(0, 1), (0, 2), (2, 3)]
         """
         import networkx as nx
@@ -210,7 +215,8 @@ class Tree:
         """The level and subtree of each node, in preorder.
 
         Example:
-            >>> list(Tree("[τ,[τ]]").preorder())[2:]
+            >>> import bseries as bs
+            >>> list(bs.Tree("[τ,[τ]]").preorder())[2:]
             [(1, Tree('[τ]')), (2, Tree('τ'))]
         """
         stack: list[tuple[int, Tree]] = [(0, self)]
@@ -281,7 +287,8 @@ class Tree:
             TreeError: If `other` is not a tree, or there are too many nodes.
 
         Example:
-            >>> Tree("[[τ]]").butcher_product(Tree("τ"))
+            >>> import bseries as bs
+            >>> bs.Tree("[[τ]]").butcher_product(bs.Tree("τ"))
             Tree('[τ,[τ]]')
         """
         return Tree.join((*self._children, other), self._color)
@@ -296,7 +303,8 @@ class Tree:
             TreeError: If a name is invalid or a colour has none.
 
         Example:
-            >>> Tree("p[q,q[p]]").text(names=["fast", "slow"])
+            >>> import bseries as bs
+            >>> bs.Tree("p[q,q[p]]").text(names=["fast", "slow"])
             'fast[slow,slow[fast]]'
         """
         return tree_text(self.levels, self.colors, names)
@@ -309,9 +317,10 @@ class Tree:
             names: As for `text`.
 
         Example:
-            >>> Tree("[τ,[τ]]").differential(), Tree("[τ^4]").differential()
+            >>> import bseries as bs
+            >>> bs.Tree("[τ,[τ]]").differential(), bs.Tree("[τ^4]").differential()
             ("f''(f,f'(f))", 'f^(4)(f,f,f,f)')
-            >>> Tree("p[q,q[p]]").differential("latex")
+            >>> bs.Tree("p[q,q[p]]").differential("latex")
             "f_{p}''(f_{q},f_{q}'(f_{p}))"
 
         References:
@@ -326,9 +335,10 @@ class Tree:
         k, …, or i1, i2, … if there are not enough letters.
 
         Example:
-            >>> Tree("[τ,τ,[τ]]").weight(), Tree("p[p,q[p,p]]").weight()
+            >>> import bseries as bs
+            >>> bs.Tree("[τ,τ,[τ]]").weight(), bs.Tree("p[p,q[p,p]]").weight()
             ('Σ b_i c_i^2 a_ij c_j', 'Σ b^p_i c^p_i a^q_ij (c^p_j)^2')
-            >>> print(Tree("[[τ]]").weight("latex"))
+            >>> print(bs.Tree("[[τ]]").weight("latex"))
             \\sum_{i,j} b_{i} a_{ij} c_{j}
 
         References:
@@ -340,7 +350,8 @@ class Tree:
         """The order condition of a Runge–Kutta method, elementary weight = 1/γ; see `weight`.
 
         Example:
-            >>> Tree("[τ,τ]").condition(), Tree("τ").condition()
+            >>> import bseries as bs
+            >>> bs.Tree("[τ,τ]").condition(), bs.Tree("τ").condition()
             ('Σ b_i c_i^2 = 1/3', 'Σ b_i = 1')
         """
         density = self.density
@@ -363,7 +374,8 @@ class Tree:
         """The picture of the tree, with the root at the bottom; arguments and errors are those of `draw`.
 
         Example:
-            >>> Tree("[τ,[τ]]").plot().figure.savefig("/dev/null", format="pdf")
+            >>> import bseries as bs
+            >>> bs.Tree("[τ,[τ]]").plot().figure.savefig("/dev/null", format="pdf")
         """
         return draw(self, ax, names=names)
 

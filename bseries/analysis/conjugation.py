@@ -48,7 +48,7 @@ def bracket(b: BSeries, c: BSeries) -> BSeries:
         >>> import bseries as bs
         >>> f = bs.exact_flow(3).log()
         >>> tall = bs.BSeries.from_rule(lambda tree: int(str(tree) == "[τ]"), 3, empty=0)
-        >>> [(str(tree), str(value)) for tree, value in bracket(f, tall).nonzero()]
+        >>> [(str(tree), str(value)) for tree, value in bs.analysis.bracket(f, tall).nonzero()]
         [('[τ,τ]', '2')]
 
     References:
@@ -72,9 +72,10 @@ def conjugate(a: BSeries, c: BSeries) -> BSeries:
         The trapezoidal rule and the implicit midpoint rule are conjugate by half a step of the explicit Euler method:
 
         >>> import bseries as bs
+        >>> from fractions import Fraction
         >>> half = bs.series("explicit-euler", 6).scale_step(Fraction(1, 2))
         >>> midpoint = bs.series("implicit-midpoint", 6)
-        >>> conjugate(midpoint, half) == bs.series("trapezoidal", 6)
+        >>> bs.analysis.conjugate(midpoint, half) == bs.series("trapezoidal", 6)
         True
 
     References:
@@ -140,8 +141,8 @@ def effective_order(method: Method | BSeries | str, order: int | None = None) ->
 
         >>> import bseries as bs
         >>> euler = bs.series("symplectic-euler-p", 5, max_children=[[0, None], [None, 0]])
-        >>> verdict = effective_order(euler)
-        >>> bs.order_of(euler), verdict.order, bs.order_of(conjugate(euler, verdict.processor))
+        >>> verdict = bs.effective_order(euler)
+        >>> bs.order_of(euler), verdict.order, bs.order_of(bs.analysis.conjugate(euler, verdict.processor))
         (1, 2, 2)
 
     References:
@@ -177,9 +178,10 @@ def conjugate_symplecticity(
         SeriesError: As for `effective_order`, or the method is inconsistent, or has the trees of a Nyström system.
 
     Example:
-        >>> conjugate_symplecticity("trapezoidal", 6).holds
+        >>> import bseries as bs
+        >>> bs.conjugate_symplecticity("trapezoidal", 6).holds
         True
-        >>> conjugate_symplecticity("rk4", 6).order
+        >>> bs.conjugate_symplecticity("rk4", 6).order
         4
 
     References:

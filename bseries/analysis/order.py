@@ -154,7 +154,8 @@ def order_of(method: Method | BSeries | str, max_order: int | None = None) -> in
         SeriesError: `method` is neither a method nor a flow, or `max_order` is out of its range.
 
     Example:
-        >>> order_of("rk4"), order_of("gauss5")
+        >>> import bseries as bs
+        >>> bs.order_of("rk4"), bs.order_of("gauss5")
         (4, 10)
 
     References:
@@ -283,7 +284,8 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
         TreeError: There are too many trees with p+1 nodes for the memory.
 
     Example:
-        >>> error = error_coefficients("rk4")
+        >>> import bseries as bs
+        >>> error = bs.analysis.error_coefficients("rk4")
         >>> error.order, error.norm_squared * 2880**2, error.largest
         (4, Fraction(1745, 1), Fraction(1, 120))
 

@@ -204,7 +204,7 @@ def check(method: Method | str, order: int | None = None) -> Report:
 
     Example:
         >>> import bseries as bs
-        >>> report = check(bs.method("implicit-midpoint"))
+        >>> report = bs.check(bs.method("implicit-midpoint"))
         >>> report.order, report.properties["symplectic_tableau"], report.properties["explicit"]
         (2, True, False)
         >>> report.structure["energy_preserving"][:2], report.stability["a_stable"]
@@ -290,8 +290,8 @@ def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
         IntegratorError: `method` is no `RungeKutta`.
 
     Example:
-        >>> from integrators import method
-        >>> facts = tableau_properties(method("lobatto-iiic3"))
+        >>> import bseries as bs
+        >>> facts = bs.analysis.tableau_properties(bs.method("lobatto-iiic3"))
         >>> facts["l_stable"], facts["algebraically_stable"], facts["linear_order"], facts["ssp_coefficient"]
         (True, True, 4, '0')
         >>> facts["undecided"]

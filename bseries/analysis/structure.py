@@ -177,7 +177,8 @@ def accuracy(method: Method | BSeries | str, order: int | None = None) -> Verdic
     Arguments and errors are those of `symplecticity`. If a tree violates it, the verdict has the order of the method.
 
     Example:
-        >>> accuracy("rk4", 6)[:2]
+        >>> import bseries as bs
+        >>> bs.analysis.accuracy("rk4", 6)[:2]
         (4, Tree('[[[[τ]]]]'))
 
     References:
@@ -204,7 +205,8 @@ def symmetry(method: Method | BSeries | str, order: int | None = None) -> Verdic
     Arguments and errors are those of `symplecticity`.
 
     Example:
-        >>> symmetry("trapezoidal", 6).holds, symmetry("heun2", 6).order
+        >>> import bseries as bs
+        >>> bs.symmetry("trapezoidal", 6).holds, bs.symmetry("heun2", 6).order
         (True, 3)
 
     References:
@@ -286,9 +288,10 @@ def symplecticity(method: Method | BSeries | str, order: int | None = None, *, c
             blocks on a restricted table of trees that are not those of separable systems.
 
     Example:
-        >>> symplecticity("implicit-midpoint", 8).holds, symplecticity("radau-iia2", 8).order
+        >>> import bseries as bs
+        >>> bs.symplecticity("implicit-midpoint", 8).holds, bs.symplecticity("radau-iia2", 8).order
         (True, 3)
-        >>> symplecticity("stormer-verlet", 5).holds
+        >>> bs.symplecticity("stormer-verlet", 5).holds
         True
 
     References:
@@ -310,9 +313,9 @@ def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: C
 
     Example:
         >>> import bseries as bs
-        >>> hamiltonian_field(bs.modified_equation("gauss2", 7)).holds
+        >>> bs.hamiltonian_field(bs.modified_equation("gauss2", 7)).holds
         True
-        >>> hamiltonian_field(bs.modified_equation("lobatto-iiia3", 7))[:2]
+        >>> bs.hamiltonian_field(bs.modified_equation("lobatto-iiia3", 7))[:2]
         (4, Tree('[τ,[[τ]]]'))
 
     References:
@@ -358,7 +361,8 @@ def energy_preservation(
     f = Σ J ∇H^[ν], and the sum of all H^[ν] is conserved.
 
     Example:
-        >>> energy_preservation("implicit-midpoint", 7)[:2]
+        >>> import bseries as bs
+        >>> bs.energy_preservation("implicit-midpoint", 7)[:2]
         (2, Tree('[τ,τ]'))
 
     References:
@@ -414,10 +418,10 @@ def volume_preservation(
 
     Example:
         >>> import bseries as bs
-        >>> volume_preservation("gauss2", 6).order, volume_preservation(bs.exact_flow(6)).holds
+        >>> bs.volume_preservation("gauss2", 6).order, bs.volume_preservation(bs.exact_flow(6)).holds
         (4, True)
         >>> separable = bs.series("symplectic-euler-p", 6, max_children=[[0, None], [None, 0]])
-        >>> volume_preservation(separable).holds, volume_preservation("symplectic-euler-p", 3).order
+        >>> bs.volume_preservation(separable).holds, bs.volume_preservation("symplectic-euler-p", 3).order
         (True, 1)
 
     References:
@@ -463,7 +467,8 @@ def cubic_invariants(
     Blocks: the whole field has the invariant. Parts: each f^[ν] has it.
 
     Example:
-        >>> cubic_invariants("gauss3", 7)[:2]
+        >>> import bseries as bs
+        >>> bs.analysis.cubic_invariants("gauss3", 7)[:2]
         (6, Tree('[[[τ]],[[τ]]]'))
 
     References:

@@ -448,15 +448,16 @@ def order_conditions(
         TreeError: `order`, `colors`, `stages` or `max_children` is out of its range.
 
     Example:
-        >>> conditions = order_conditions("runge-kutta", 10)
-        >>> len(conditions), len(order_conditions("runge-kutta", 10, assumptions="B10 C5 D4"))
+        >>> import bseries as bs
+        >>> conditions = bs.order_conditions("runge-kutta", 10)
+        >>> len(conditions), len(bs.order_conditions("runge-kutta", 10, assumptions="B10 C5 D4"))
         (1205, 0)
-        >>> print(order_conditions("rosenbrock", 3))
+        >>> print(bs.order_conditions("rosenbrock", 3))
         Σ b_i = 1
         Σ b_i β_i = 1/2
         Σ b_i β_ij β_j = 1/6
         Σ b_i α_i^2 = 1/3
-        >>> print(order_conditions("splitting", 2))
+        >>> print(bs.order_conditions("splitting", 2))
         Σ x^p_i = 1
         Σ x^q_i = 1
         Σ_{j<i} x^p_i x^q_j = 1/2

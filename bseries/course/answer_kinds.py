@@ -16,7 +16,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import sympy
 
-from bseries.course.equality import EXACTLY, equality, factor_between, first_wrong_power, has_digits
+from bseries.course.equality import EXACTLY, agreeing_digits, equality, factor_between, first_wrong_power
+from bseries.course.notation import plain
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
@@ -33,25 +34,25 @@ START = re.compile(r"(?<![^\W\d])f(?!\w)")
 """An f that is no part of a name; a number may stand before it."""
 MOST_FACTORS = 12
 """Of an elementary differential."""
-SIGNS = {"·": "*", "⋅": "*", "×": "*", "’": "'", "′": "'", "π": "pi"}
-SIGNS |= {"γ": "gamma", "ε": "eps", "θ": "theta", "φ": "phi", "ω": "omega"}
-"""Signs in answers, and what the parser of formulas reads in their place."""
-NO_SIGN = re.compile(
-    r"(?<![\w.^/])(?<![\^/]\s)((?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(?=(?![eE][+-]?\d)[^\W\d]|\()"
-)
-"""A number before a name or a parenthesis, as in 3a^2/8; what 1/2a means would be a guess."""
+LEAST_DIGITS, MOST_DIGITS = 3, 15
+"""Of a decimal number that is taken for a rounded one: no double has more."""
+DECIMAL = re.compile(r"\d*\.\d*")
+BUT_EXACT = ", but an exact answer is asked for"
+"""In remarks on them."""
 
 
-def plain(text: str) -> str:
-    """An answer with the signs that the parser of formulas reads.
+def rounded_to(text: str) -> int:
+    """The number of significant digits of an answer with rounded decimals; 0 if there are none.
+
+    Decimals of less than half as many digits as the longest one are not rounded.
 
     Example:
-        >>> plain("3θ^2/8 + 2·sin(q) - 1e3"), plain("4(1 + p) + 1/2 f'f")
-        ('3*theta^2/8 + 2*sin(q) - 1e3', "4*(1 + p) + 1/2 f'f")
+        >>> [rounded_to(text) for text in ("0.1667", "0.5, 0; 0.666667, 0.33333", "1/6", "0.5*p", "2.50e-3")]
+        [4, 5, 0, 0, 3]
     """
-    for sign, word in SIGNS.items():
-        text = text.replace(sign, word)
-    return NO_SIGN.sub(r"\1*", text)
+    digits = [len(x.replace(".", "").lstrip("0")) for x in DECIMAL.findall(text)]
+    fewest = min((d for d in digits if 2 * d >= max(digits)), default=0)
+    return min(fewest, MOST_DIGITS) if fewest >= LEAST_DIGITS else 0
 
 
 class Judgement(NamedTuple):
@@ -99,21 +100,21 @@ def formulas(
     known = dict.fromkeys((*names, "h")) if names else ()
     symbols = tuple(map(sympy.Symbol, known))
 
-    def judge_one(given: sympy.Expr, wanted: sympy.Expr, place: int) -> Judgement:
+    def judge_one(given: sympy.Expr, wanted: sympy.Expr, place: int, rounded: int) -> Judgement:
         if digits is not None:
-            right = has_digits(given, wanted, digits)
+            right = agreeing_digits(given, wanted, ()) >= digits
             return Judgement(right, f"equal to {digits} digits" if right else "differs")
         alternatives = {sentence: make()[place] for sentence, make in others.items()}
-        return compare(given, wanted, symbols, alternatives, constant=constant)
+        return compare(given, wanted, symbols, alternatives, constant=constant, rounded=rounded)
 
     def judge(text: str, truth: Any, argument: str) -> Judgement:
-        entries = split_row(text)
+        entries = split_row(plain(text))
         if len(entries) != count:
             raise SeriesError(f"{argument} must be {form}, but had {len(entries)} entries")
         remark = EXACTLY
         for place, (entry, wanted) in enumerate(zip(entries, truth, strict=True)):
             given = parse_expression(entry, names=known, functions=ELEMENTARY, argument=argument)
-            found = judge_one(given, sympy.sympify(wanted, strict=True), place)
+            found = judge_one(given, sympy.sympify(wanted, strict=True), place, rounded_to(entry))
             if not found.right:
                 return found if count == 1 else Judgement(False, f"entry {place + 1}: {found.remark}")
             remark = found.remark if remark == EXACTLY else remark
@@ -127,10 +128,10 @@ def differentials(names: Sequence[str] = ()) -> AnswerKind:
     symbols = f", with coefficients in {', '.join(names)}" if names else ""
 
     def judge(text: str, truth: Any, argument: str) -> Judgement:
-        given = read_differentials(text, names=dict.fromkeys((*names, "h")), argument=argument)
+        given = read_differentials(plain(text), names=dict.fromkeys((*names, "h")), argument=argument)
         wanted = combination(truth)
         symbols = {sympy.Symbol(name) for name in (*names, "h")} | given.free_symbols | wanted.free_symbols
-        return compare(given, wanted, sorted(symbols, key=str))
+        return compare(given, wanted, sorted(symbols, key=str), rounded=rounded_to(text))
 
     return AnswerKind(f"elementary differentials, such as 1/2*f'f - 1/3*f''(f,f'f){symbols}", judge)
 
@@ -142,7 +143,7 @@ def decisions(*things: str) -> AnswerKind:
         form += f" for each, separated by commas: {', '.join(things)}"
 
     def judge(text: str, truth: Any, argument: str) -> Judgement:
-        given = [word.strip().lower() for word in text.split(",")]
+        given = [word.strip(" .!").lower() for word in text.split(",")]
         if len(given) != count or not set(given) <= {"yes", "no"}:
             raise SeriesError(f"{argument} must be {form}; but was {shorten(text)!r}")
         wrong = sum(one != other for one, other in zip(given, truth, strict=True))
@@ -154,10 +155,10 @@ def decisions(*things: str) -> AnswerKind:
 
 def tableau() -> AnswerKind:
     """A Runge–Kutta tableau; the truth is a function that says what a method lacks, or nothing."""
-    form = "a tableau: the rows of A and then b, separated by semicolons, as in 0, 0; 1/2, 0; 0, 1"
+    form = "a tableau, exactly: the rows of A and then b, separated by semicolons, as in 0, 0; 1/2, 0; 0, 1"
 
     def judge(text: str, truth: Any, argument: str) -> Judgement:
-        *rows, weights = [split_row(row) for row in text.split(";")]
+        *rows, weights = [split_row(row) for row in plain(text).split(";")]
         if not 1 <= len(rows) <= MOST_STAGES or any(len(row) != len(rows) for row in (*rows, weights)):
             raise SeriesError(
                 f"{argument} must be {form}, s + 1 rows of s entries with s up to {MOST_STAGES}, "
@@ -170,6 +171,9 @@ def tableau() -> AnswerKind:
                 f"{argument} must have entries in a field of degree {MOST_DEGREE} at most, but had more roots"
             )
         lacks = truth(method)
+        digits = rounded_to(text) if lacks else 0
+        if digits and not truth(RungeKutta(rows, weights, name=argument, digits=digits, warn=False)):
+            lacks = f"is right to {digits} digits{BUT_EXACT}"
         return Judgement(not lacks, lacks or f"tested on all trees with up to {MOST_NODES} nodes")
 
     return AnswerKind(form, judge)
@@ -182,14 +186,21 @@ def compare(
     others: Mapping[str, Any] = {},
     *,
     constant: bool = False,
+    rounded: int = 0,
 ) -> Judgement:
-    """Compare two formulas, up to a constant if asked; the remark says how a wrong one differs."""
+    """Compare two formulas, up to a constant if asked; the remark says how a wrong one differs.
+
+    Decimals in the first one are rounded to so many digits, if there are any.
+    """
     found = equality(given, wanted, symbols, constant=constant)
     if found:
         return Judgement(True, found)
     for sentence, other in others.items():
         if equality(given, other, symbols, constant=constant):
             return Judgement(False, sentence)
+    agreeing = min(rounded, agreeing_digits(given, wanted, symbols, constant=constant)) if rounded else 0
+    if agreeing >= LEAST_DIGITS:
+        return Judgement(False, f"agrees to {agreeing} digits{BUT_EXACT}")
     if equality(given, wanted * 0, symbols, constant=constant):
         return Judgement(False, "is a constant" if constant else "is zero")
     factor = factor_between(given, wanted, symbols, constant=constant)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
-from bseries.course.answer_kinds import plain
 from bseries.course.questions import QUESTIONS, Question
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
@@ -169,7 +168,7 @@ def _checked(question: Question, text: str) -> CheckedAnswer:
     try:
         if len(text) > MOST_OF_AN_ANSWER:
             raise SeriesError(f"{question.key} must have at most {MOST_OF_AN_ANSWER} characters, but had {len(text)}")
-        right, remark = question.kind.judge(plain(text), question.truth(), question.key)
+        right, remark = question.kind.judge(text, question.truth(), question.key)
     except (SeriesError, IntegratorError) as error:
         return CheckedAnswer(question.key, text, UNREADABLE, str(error))
     return CheckedAnswer(question.key, text, RIGHT if right else WRONG, remark)

@@ -251,15 +251,15 @@ def _any_hamiltonian() -> tuple[sympy.Expr, list[sympy.Symbol], list[sympy.Symbo
     return sympy.Function("H")(p, q), [p], [q]
 
 
-def _partial_derivatives(formula: Any) -> str:
-    """A formula in TeX with subscripts for derivatives of H."""
+def _partial_derivatives(formula: Any, name: str = "H") -> str:
+    """A formula in TeX with subscripts for derivatives of H, which has a name."""
     import sympy
 
     named: dict[Any, Any] = {
-        d: sympy.Symbol(f"H_{{{''.join(str(v) * int(n) for v, n in d.variable_count)}}}")
+        d: sympy.Symbol(f"{name}_{{{''.join(str(v) * int(n) for v, n in d.variable_count)}}}")
         for d in formula.atoms(sympy.Derivative)
     }
-    return sympy.latex(formula.subs(named).subs(_any_hamiltonian()[0], sympy.Symbol("H")))
+    return sympy.latex(formula.subs(named).subs(_any_hamiltonian()[0], sympy.Symbol(name)))
 
 
 def _symplectic_euler() -> str:
@@ -277,7 +277,8 @@ def _exact_generating_function() -> str:
     """The terms of (24): the generating function of the exact flow."""
     function, momenta, positions = _any_hamiltonian()
     terms = bs.hamiltonians.exact_generating_function(function, momenta, positions, 3).terms
-    return _lines(f"S_{k} &= {_partial_derivatives(term)}" for k, term in enumerate(terms, 1))
+    name = r"{\widetilde H}"
+    return _lines(rf"\widetilde S_{k} &= {_partial_derivatives(term, name)}" for k, term in enumerate(terms, 1))
 
 
 def _large_steps() -> str:

@@ -124,17 +124,26 @@ def first_wrong_power(first: sympy.Expr, second: sympy.Expr, symbols: Sequence[s
     return max(found.pop(), 0) if len(found) == 1 else 0
 
 
-def has_digits(given: sympy.Expr, number: sympy.Expr, digits: int) -> bool:
-    """Whether a number agrees with a nonzero one to within half a unit of the last of its significant digits.
+def agreeing_digits(
+    first: sympy.Expr, second: sympy.Expr, symbols: Sequence[sympy.Symbol], *, constant: bool = False
+) -> int:
+    """The number of significant digits of the second formula with which the first one agrees, rounded.
+
+    Differences are measured by the largest value at random points. With `constant`, formulas may differ by a constant.
 
     Example:
-        >>> [has_digits(sympy.Rational(x), sympy.pi, 3) for x in ("3.14", "3.1416", "3.15")]
-        [True, True, False]
+        >>> [agreeing_digits(sympy.Rational(x), sympy.pi, []) for x in ("3.14", "3.1416", "3.15", "-3")]
+        [3, 5, 2, 0]
     """
+    samples = _at_points(first, second, symbols)
+    x0, y0 = samples[0][1:] if constant and samples else (0, 0)
     with mpmath.workdps(DIGITS):
-        x, y = _real(given, {}), value(number, {})
-        unit = mpmath.mpf(10) ** (int(mpmath.floor(mpmath.log10(abs(y)))) + 1 - digits)
-        return x is not None and abs(x - y) <= unit / 2
+        size = max((abs(y - y0) for _, _, y in samples), default=0)
+        error = max((abs((x - x0) - (y - y0)) for _, x, y in samples), default=0)
+        if not size or not error:
+            return AGREEING if samples and not error else 0
+        digits = mpmath.floor(mpmath.log10(size)) + 1 - mpmath.log10(2 * error)
+        return min(AGREEING, max(0, int(mpmath.floor(digits))))
 
 
 def agree(first: Any, second: Any) -> bool:

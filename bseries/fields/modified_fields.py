@@ -358,7 +358,7 @@ def modified_field(
 
     Example:
         >>> import bseries as bs
-        >>> f = modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 4)
+        >>> f = bs.modified_field(bs.method("explicit-euler"), bs.scene("riccati"), 4)
         >>> [f.symbolic(k) for k in range(4)]
         [(y**2,), (-y**3,), (3*y**4/2,), (-8*y**5/3,)]
         >>> print(f.report())
@@ -389,7 +389,7 @@ def modifying_field(
 
     Example:
         >>> import bseries as bs
-        >>> f = modifying_field(bs.method("implicit-midpoint"), bs.scene("riccati"), 5)
+        >>> f = bs.modifying_field(bs.method("implicit-midpoint"), bs.scene("riccati"), 5)
         >>> [f.symbolic(k)[0] for k in range(5)]
         [y**2, 0, -y**4/4, 0, y**6/8]
 
@@ -419,7 +419,7 @@ def series_map(
 
     Example:
         >>> import bseries as bs
-        >>> step = series_map(bs.method("explicit-euler"), bs.scene("riccati"), 2)
+        >>> step = bs.series_map(bs.method("explicit-euler"), bs.scene("riccati"), 2)
         >>> step([1.0], 0.5)
         array([1.5])
     """

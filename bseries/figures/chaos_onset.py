@@ -114,9 +114,9 @@ def caption(numbers: ChaosOnset) -> str:
         "Beyond the lecture, on its figure 6, which states that chaos begins soon after h = 0.7: starts of the "
         "implicit midpoint rule on the pendulum. Starts in the coloured regions are chaotic: two orbits that start a "
         f"relative distance {distance} apart are more than {APART:g} apart at t = {numbers.span:g}. "
-        "For every h there is chaos in a layer at the separatrix, which is exponentially thin as h → 0. Its "
-        "width in p is proportional to h⁻³ e^(−π²/h) at q = 0 (a). At the saddle point (b) the energy differs by "
-        f"p²/2, so the width is proportional to h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is "
+        "Chaos is expected for every h, in a layer at the separatrix that is exponentially thin as h → 0. Its width in "
+        "p is like h⁻³ e^(−π²/h) at q = 0 (a), as measured. At the saddle point (b) the energy differs by p²/2, so "
+        "that the width is like h^(−3/2) e^(−π²/2h); the factor is fitted, and the width found is "
         f"{scientific(width, 2)} for h = 0.7. In (a) the layer is {seen}."
     )
 

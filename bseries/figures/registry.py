@@ -56,7 +56,8 @@ def figure_names() -> list[str]:
     """The names of all figures: those of the lecture in its order, then the others.
 
     Example:
-        >>> figure_names()[:2]
+        >>> import bseries as bs
+        >>> bs.figure_names()[:2]
         ['riccati', 'lotka-volterra']
     """
     files = {name.replace("_", "-"): file for name in _modules() if hasattr(file := _load(name), "TITLE")}

@@ -43,10 +43,11 @@ class CoordinateChange(ImmutableValue):
         IntegratorError: A formula is invalid, or uses other names.
 
     Example:
-        >>> shear = CoordinateChange({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"p": "P + sin(Q)", "q": "Q"})
+        >>> import bseries as bs
+        >>> shear = bs.hamiltonians.CoordinateChange({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"p": "P + sin(Q)", "q": "Q"})
         >>> shear.is_symplectic
         True
-        >>> CoordinateChange({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"p": "2*P", "q": "Q"}).is_symplectic
+        >>> bs.hamiltonians.CoordinateChange({"p": 1, "q": 1}, {"P": 1, "Q": 1}, {"p": "2*P", "q": "Q"}).is_symplectic
         False
     """
 
@@ -167,10 +168,11 @@ class CoordinateChange(ImmutableValue):
             SeriesError: A parameter in the formula has the name of a new variable.
 
         Example:
+            >>> import bseries as bs
             >>> import sympy
             >>> p, q = sympy.symbols("p q")
             >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
-            >>> change = CoordinateChange({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
+            >>> change = bs.hamiltonians.CoordinateChange({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
             >>> change.composed((p**2 + q**2) / 2)
             a
         """
@@ -370,12 +372,13 @@ def canonical_transformation(
         IntegratorError: A formula is invalid.
 
     Example:
-        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
-        >>> change = canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
         >>> import bseries as bs
+        >>> angles = {"p": "sqrt(2*a)*cos(theta)", "q": "sqrt(2*a)*sin(theta)"}
+        >>> change = bs.hamiltonians.canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, angles)
         >>> change.hamiltonian(bs.parse_hamiltonian("(p^2 + q^2)/2 + q^4/4")).hamiltonian
         a**2*sin(theta)**4 + a
-        >>> canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, {"p": "a*cos(theta)", "q": "a*sin(theta)"})
+        >>> wrong = {"p": "a*cos(theta)", "q": "a*sin(theta)"}
+        >>> bs.hamiltonians.canonical_transformation({"p": 1, "q": 1}, {"a": 1, "theta": 1}, wrong)
         Traceback (most recent call last):
             ...
         bseries.exceptions.SeriesError: formulas must be symplectic, with {q, p} = 1, but this bracket was a
@@ -407,15 +410,15 @@ def point_transformation(
         IntegratorError: A formula is invalid.
 
     Example:
+        >>> import bseries as bs
         >>> new = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}
         >>> positions = {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
-        >>> polar = point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
+        >>> polar = bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
         >>> print(polar)
         p1 = (-p_phi*sin(phi) + p_r*r*cos(phi))/r
         p2 = (p_phi*cos(phi) + p_r*r*sin(phi))/r
         q1 = r*cos(phi)
         q2 = r*sin(phi)
-        >>> import bseries as bs
         >>> polar.hamiltonian(bs.scene("kepler")).hamiltonian
         p_phi**2/(2*r**2) + p_r**2/2 - 1/r
 
@@ -452,11 +455,12 @@ def generating_transformation(
         IntegratorError: A formula is invalid.
 
     Example:
-        >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*q + q^2/2 + sin(P)"))
+        >>> import bseries as bs
+        >>> print(bs.hamiltonians.generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*q + q^2/2 + sin(P)"))
         p = P + Q - cos(P)
         q = Q - cos(P)
-        >>> S, solution = "P*exp(q)", {"q": "log(Q)"}
-        >>> print(generating_transformation({"p": 1, "q": 1}, {"P": 1, "Q": 1}, S, positions=solution, positive=["Q"]))
+        >>> old, new, S, back = {"p": 1, "q": 1}, {"P": 1, "Q": 1}, "P*exp(q)", {"q": "log(Q)"}
+        >>> print(bs.hamiltonians.generating_transformation(old, new, S, positions=back, positive=["Q"]))
         p = P*Q
         q = log(Q)
 
@@ -509,7 +513,8 @@ def harmonic_action_angle(
         IntegratorError: A frequency is not a formula.
 
     Example:
-        >>> change = harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
+        >>> import bseries as bs
+        >>> change = bs.hamiltonians.harmonic_action_angle({"p": 1, "q": 1}, {"a": 1, "theta": 1}, [2])
         >>> print(change)
         p = 2*sqrt(a)*cos(theta)
         q = sqrt(a)*sin(theta)

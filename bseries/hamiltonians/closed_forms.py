@@ -444,10 +444,10 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
     Example:
         >>> import bseries as bs
         >>> oscillator = bs.Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", name="oscillator")
-        >>> print(closed_hamiltonian(bs.method("implicit-midpoint"), oscillator))
+        >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("implicit-midpoint"), oscillator))
         modified Hamiltonian of implicit-midpoint on oscillator, for |h| < 2
         2*(p**2/2 + q**2/2)*atan(h/2)/h
-        >>> print(closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff")))
+        >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff")))
         modified Hamiltonian of symplectic-euler-p on field-nijhoff, for |h| < (p + 1)*(q + 1)
         -1 + (-(-h + (p + 1)*(q + 1))*log(-h + (p + 1)*(q + 1)) + (p + 1)*(q + 1)*log((p + 1)*(q + 1)))/h
 

@@ -396,10 +396,10 @@ def energy_drift(
     Example:
         >>> import bseries as bs
         >>> asymmetric = bs.scene("pendulum", effects=["asymmetry"])
-        >>> report = energy_drift(bs.method("simplified-takahashi-imada"), asymmetric, y0=[2.5, 0], h=0.2)
+        >>> report = bs.energy_drift(bs.method("simplified-takahashi-imada"), asymmetric, y0=[2.5, 0], h=0.2)
         >>> print(report.verdict, report.turns[0].gain, f"{report.slope():.4g}")
         linear drift -pi/240 -6.543e-06
-        >>> energy_drift(bs.method("stormer-verlet"), asymmetric).verdict
+        >>> bs.energy_drift(bs.method("stormer-verlet"), asymmetric).verdict
         'bounded'
 
     References:

@@ -55,7 +55,7 @@ class GeneratingFunction(NamedTuple):
 
     Example:
         >>> import bseries as bs
-        >>> print(generating_function(bs.method("stormer-verlet"), bs.scene("pendulum"), 3))
+        >>> print(bs.hamiltonians.generating_function(bs.method("stormer-verlet"), bs.scene("pendulum"), 3))
         generating function of stormer-verlet-kdk on pendulum
         h^1   p**2/2 - cos(q)
         h^2   p*sin(q)/2
@@ -126,12 +126,12 @@ def generating_function(
 
     Example:
         >>> import bseries as bs
-        >>> S = generating_function(bs.method("implicit-midpoint"), bs.scene("pendulum"), 3)
+        >>> S = bs.hamiltonians.generating_function(bs.method("implicit-midpoint"), bs.scene("pendulum"), 3)
         >>> S.terms
         (p**2/2 - cos(q), p*sin(q)/2, p**2*cos(q)/8 + sin(q)**2/8)
         >>> S.hamiltonian()[2]
         -p**2*cos(q)/24 - sin(q)**2/24
-        >>> generating_function(bs.method("rk4"), bs.scene("pendulum"), 2)
+        >>> bs.hamiltonians.generating_function(bs.method("rk4"), bs.scene("pendulum"), 2)
         Traceback (most recent call last):
         bseries.exceptions.SeriesError: method must be symplectic, but rk4 is not: ...
 
@@ -184,9 +184,10 @@ def exact_generating_function(
         SeriesError: The symbols do not fit, or H is not a power series in h.
 
     Example:
+        >>> import bseries as bs
         >>> import sympy
         >>> p, q = sympy.symbols("p q")
-        >>> exact_generating_function((p**2 + q**2) / 2, [p], [q], 3).terms
+        >>> bs.hamiltonians.exact_generating_function((p**2 + q**2) / 2, [p], [q], 3).terms
         (p**2/2 + q**2/2, p*q/2, p**2/6 + q**2/6)
 
     References:
@@ -222,10 +223,11 @@ def generating_hamiltonian(
     Example:
         Equation (25) of the lecture, symplectic Euler for any Hamiltonian:
 
+        >>> import bseries as bs
         >>> import sympy
         >>> p, q, h = sympy.symbols("p q h")
         >>> H = sympy.Function("H")(p, q)
-        >>> generating_hamiltonian(h * H, [p], [q], 2)[1]
+        >>> bs.hamiltonians.generating_hamiltonian(h * H, [p], [q], 2)[1]
         -Derivative(H(p, q), p)*Derivative(H(p, q), q)/2
 
     References:
@@ -457,10 +459,11 @@ def variational_generating_function(
     Example:
         The trapezoidal rule for the action gives the Störmer–Verlet method, kick–drift–kick:
 
+        >>> import bseries as bs
         >>> import sympy
         >>> q, Q, p, h = sympy.symbols("q Q p h")
         >>> L = ((Q - q) / h) ** 2 * h / 2 + h * (sympy.cos(q) + sympy.cos(Q)) / 2
-        >>> variational_generating_function(L, [q], [Q], [p], 3).hamiltonian()
+        >>> bs.hamiltonians.variational_generating_function(L, [q], [Q], [p], 3).hamiltonian()
         (p**2/2 - cos(q), 0, p**2*cos(q)/12 - sin(q)**2/24)
 
     References:

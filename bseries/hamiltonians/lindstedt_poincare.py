@@ -125,10 +125,9 @@ class NormalForm:
 
     Example:
         >>> import bseries as bs
-        >>> from bseries.hamiltonians.lindstedt_poincare import lindstedt_poincare
         >>> H = "a1^2/2 + sqrt(2)*a2 + eps*cos(theta1 - theta2)"
         >>> rotors = bs.Scene({"a": 2, "theta": 2}, hamiltonian=H, parameters={"eps": "1/100"})
-        >>> form = lindstedt_poincare(rotors, 2)
+        >>> form = bs.hamiltonians.lindstedt_poincare(rotors, 2)
         >>> form.symbolic(2)
         1/(4*(a1 - sqrt(2))**2)
         >>> form.small_denominators(["3/2", 1], 1)
@@ -336,7 +335,7 @@ def lindstedt_poincare(
     Example:
         >>> import bseries as bs
         >>> rotor = bs.Scene({"a": 1, "theta": 1}, hamiltonian="a^2/2 + eps*cos(theta)", parameters={"eps": "1/10"})
-        >>> form = lindstedt_poincare(rotor, 4)
+        >>> form = bs.hamiltonians.lindstedt_poincare(rotor, 4)
         >>> print(form)
         normal form of scene
         eps^0   a**2/2

@@ -417,7 +417,7 @@ def modified_hamiltonian(
 
     Example:
         >>> import bseries as bs
-        >>> H = modified_hamiltonian(bs.method("stormer-verlet"), bs.scene("henon-heiles"), 3)
+        >>> H = bs.modified_hamiltonian(bs.method("stormer-verlet"), bs.scene("henon-heiles"), 3)
         >>> print(H)
         Modified Hamiltonian of stormer-verlet-kdk on henon-heiles: powers h^0 to h^2, by trees
         <BLANKLINE>
@@ -431,7 +431,7 @@ def modified_hamiltonian(
 
         A method that is not symplectic has none:
 
-        >>> modified_hamiltonian(bs.method("rk4"), bs.scene("henon-heiles"), 5)
+        >>> bs.modified_hamiltonian(bs.method("rk4"), bs.scene("henon-heiles"), 5)
         Traceback (most recent call last):
         bseries.exceptions.SeriesError: method must be symplectic on henon-heiles, but rk4 is Hamiltonian for all H
         to order 4, where [τ,[[τ]]] breaks it, and on henon-heiles to order 4, where the term with h^4 breaks it

@@ -230,11 +230,11 @@ def takahashi_imada_integral(scene: Scene | str) -> sympy.Expr:
 
     Example:
         >>> import bseries as bs
-        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
+        >>> bs.hamiltonians.takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"]))
         6*pi/5
-        >>> takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"], epsilon="epsilon"))
+        >>> bs.hamiltonians.takahashi_imada_integral(bs.scene("pendulum", effects=["asymmetry"], epsilon="epsilon"))
         6*pi*epsilon
-        >>> takahashi_imada_integral(bs.scene("pendulum"))
+        >>> bs.hamiltonians.takahashi_imada_integral(bs.scene("pendulum"))
         0
 
     References:

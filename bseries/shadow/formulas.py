@@ -44,7 +44,8 @@ class ShadowFormula(NamedTuple):
         products: The factors b_ij by (i, j), i ≤ j; each product is counted once.
 
     Example:
-        >>> shadow_formula(10)
+        >>> import bseries as bs
+        >>> bs.shadow.shadow_formula(10)
         <ShadowFormula of order 10: 5 steps>
     """
 
@@ -73,7 +74,8 @@ def shadow_formula(order: int) -> ShadowFormula:
         SeriesError: The order is not of this kind.
 
     Example:
-        >>> formula = shadow_formula(4)
+        >>> import bseries as bs
+        >>> formula = bs.shadow.shadow_formula(4)
         >>> print(*formula.potentials, formula.products)
         5/6 1/12 {(0, 0): Fraction(1, 24)}
 

@@ -229,9 +229,8 @@ class ShadowReport:
         values: The energies by order, if they were kept, at the times `times`.
 
     Example:
-        >>> from integrators import integrate, scene
-        >>> from bseries import shadow_energy
-        >>> report = shadow_energy(integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=4000))
+        >>> import bseries as bs
+        >>> report = bs.shadow_energy(bs.integrate("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=4000))
         >>> report.has_drift, report.limit
         (False, 'rounding')
         >>> print(f"{report.largest_step:.2f}, {report.step_for(1e-4):.4f}")

@@ -88,9 +88,9 @@ def shadow_energy(
         IntegratorError: A file, a scene, a number or `progress` cannot be used.
 
     Example:
-        >>> from integrators import integrate, scene
-        >>> run = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=2000)
-        >>> report = shadow_energy(run, order=6)
+        >>> import bseries as bs
+        >>> run = bs.integrate("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=2000)
+        >>> report = bs.shadow_energy(run, order=6)
         >>> print(*(f"{row.order}: {row.deviation:.0e}" for row in report.rows))
         2: 1e-03 4: 5e-06 6: 3e-08
 

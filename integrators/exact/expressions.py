@@ -314,8 +314,9 @@ class _Parser:
             return sympy.pi
         if name.lower() in NOT_FINITE:
             self.refuse("is not finite", position)
-        known = ", ".join((*self.names, *ROOTS, *self.functions))
-        return self.refuse(f"has the unknown name {shorten(name)!r} (known: {shorten(known)})", position)
+        own = shorten(", ".join(self.names), 200)  # a scene may have thousands; functions are all listed
+        known = ", ".join(filter(None, (own, *ROOTS, *self.functions, "pi" if self.functions else "")))
+        return self.refuse(f"has the unknown name {shorten(name)!r} (known: {known})", position)
 
 
 SUM, PRODUCT, ATOM = range(3)

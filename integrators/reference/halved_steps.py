@@ -55,10 +55,10 @@ def settled_solution(
         IntegratorError: An argument is invalid, or the solution ends before the last time.
 
     Example:
-        >>> from integrators import scene_from_function
+        >>> import bseries as bs
         >>> def rate(y):
         ...     return -y[0] if y[0] > 0 else 0.0
-        >>> found = settled_solution(scene_from_function(rate, [1]), [1])
+        >>> found = bs.integrators.settled_solution(bs.scene_from_function(rate, [1]), [1])
         >>> print(found.high[0, 0].round(12), bool(found.error.max() < 1e-14))
         0.367879441171 True
 

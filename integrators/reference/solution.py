@@ -53,8 +53,8 @@ class ReferenceSolution(NamedTuple):
         error: A bound on the error, from a second solution perturbed in each step by more than rounding errors.
 
     Example:
-        >>> from integrators import scene
-        >>> solution = reference_solution(scene("pendulum"), [1, 2], full=True)
+        >>> import bseries as bs
+        >>> solution = bs.reference_solution(bs.scene("pendulum"), [1, 2], full=True)
         >>> solution.high.shape, bool((solution.error < 1e-29).all())
         ((2, 2), True)
     """
@@ -71,10 +71,10 @@ class ReferenceSolution(NamedTuple):
         """The exact sums high + low as mpmath numbers.
 
         Example:
+            >>> import bseries as bs
             >>> import mpmath
-            >>> from integrators import Scene
-            >>> growth = Scene({"y": 1}, field={"y": "y"}, start={"y": [1]})
-            >>> print(mpmath.nstr(reference_solution(growth, [1], full=True).numbers()[0, 0], 30))
+            >>> growth = bs.Scene({"y": 1}, field={"y": "y"}, start={"y": [1]})
+            >>> print(mpmath.nstr(bs.reference_solution(growth, [1], full=True).numbers()[0, 0], 30))
             2.71828182845904523536028747135
         """
         with mpmath.workprec(2200):  # the sum of two doubles has fewer bits
@@ -123,11 +123,10 @@ def reference_solution(
             exceeds the precision of doubles.
 
     Example:
-        >>> from integrators import scene
-        >>> print(reference_solution(scene("kepler"), [1, 10]))
+        >>> import bseries as bs
+        >>> print(bs.reference_solution(bs.scene("kepler"), [1, 10]))
         [[-0.9...
-        >>> from integrators import Scene
-        >>> reference_solution(Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]}), 2)
+        >>> bs.reference_solution(bs.Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]}), 2)
         Traceback (most recent call last):
             ...
         integrators.core.errors.IntegratorError: t must end before 1, beyond which the solution of scene could not be

@@ -28,6 +28,8 @@ from integrators.runs.storage import check_identity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 class Statistics(NamedTuple):
@@ -165,9 +167,9 @@ class EnsembleResult(Tabular):
         final: The last states, (members, variables), nan for failed members; no rows if they were not saved.
 
     Example:
-        >>> from integrators import scene
-        >>> from integrators.runs.ensembles import ensemble
-        >>> result = ensemble("rk4", scene("riccati"), h=0.1, steps=20, y0=[[-1], [-2], [9]], observe=None, final=True)
+        >>> import bseries as bs
+        >>> starts = [[-1], [-2], [9]]
+        >>> result = bs.ensemble("rk4", "riccati", h=0.1, steps=20, y0=starts, observe=None, final=True)
         >>> result
         <EnsembleResult rk4 on riccati: 3 members, 1 failed, 21 times>
         >>> [(failure.member, failure.step) for failure in result.failures]
@@ -224,10 +226,9 @@ class EnsembleResult(Tabular):
             IntegratorError: The name is unknown, or `ax` is no axes.
 
         Example:
-            >>> from integrators import scene
-            >>> from integrators.runs.ensembles import ensemble
+            >>> import bseries as bs
             >>> starts = [[0, 1], [0, 1.1], [0, 1.2]]
-            >>> axes = ensemble("rk4", scene("pendulum"), h=0.1, steps=20, y0=starts, keep=2).plot()
+            >>> axes = bs.ensemble("rk4", bs.scene("pendulum"), h=0.1, steps=20, y0=starts, keep=2).plot()
             >>> axes.get_ylabel(), len(axes.lines)
             ('energy', 3)
         """
@@ -248,7 +249,7 @@ class EnsembleResult(Tabular):
             axes.set(xlabel=axis_label("t"), ylabel=f"{kind} change of {name}" if kind else name)
         return axes
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """A ``pandas.DataFrame`` by time, with columns (quantity, statistic).
 
         Raises:
@@ -259,7 +260,7 @@ class EnsembleResult(Tabular):
         columns[("count", "")] = self.count
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> Dataset:
         """An ``xarray.Dataset`` of mean, std, minimum, maximum, (quantity, time), and count, (time).
 
         Raises:
@@ -288,12 +289,11 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         IntegratorError: The file is not that of an ensemble.
 
     Example:
+        >>> import bseries as bs
         >>> import tempfile
-        >>> from integrators import scene
-        >>> from integrators.runs.ensembles import ensemble
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     ensemble("rk4", scene("pendulum"), h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
-        ...     load_ensemble(f"{folder}/out.npz")
+        ...     bs.ensemble("rk4", bs.scene("pendulum"), h=0.1, steps=10, y0=[[0, 1], [0, 2]]).save(f"{folder}/out.npz")
+        ...     bs.runs.load_ensemble(f"{folder}/out.npz")
         <EnsembleResult rk4 on pendulum: 2 members, 11 times>
     """
     sentence = f"{shorten(check_path(path, 'path'), 200)} must be the file of an ensemble, but was not"

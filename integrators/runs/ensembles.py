@@ -255,11 +255,10 @@ def ensemble(
         RuntimeWarning: A quantity, or its relative change, was not finite.
 
     Example:
-        >>> from integrators import scene
-        >>> from integrators.runs.random_starts import perturbed_start
-        >>> pendulum = scene("pendulum")
-        >>> result = ensemble(
-        ...     "stormer-verlet", pendulum, h=0.1, steps=100, sample=perturbed_start(pendulum, 0.1), members=20,
+        >>> import bseries as bs
+        >>> pendulum = bs.scene("pendulum")
+        >>> result = bs.ensemble(
+        ...     "stormer-verlet", pendulum, h=0.1, steps=100, sample=bs.runs.perturbed_start(pendulum, 0.1), members=20,
         ...     change="absolute", observe_every=50,
         ... )
         >>> result.t, result.count
@@ -482,9 +481,10 @@ def cluster_executor(address: str | None = None, *, workers: int | None = None) 
         IntegratorError: Dask is not installed, there is no scheduler at the address, or both arguments are given.
 
     Example:
-        >>> from integrators import scene
-        >>> with cluster_executor("tcp://10.0.0.1:8786") as cluster:  # doctest: +SKIP
-        ...     result = ensemble("gauss3", scene("kepler"), h=0.01, steps=10**6, y0=starts, executor=cluster)
+        >>> import bseries as bs
+        >>> options = {"h": 0.01, "steps": 10**6, "y0": [[0, 2, 0.4, 0], [0, 1.9, 0.4, 0]]}
+        >>> with bs.runs.cluster_executor("tcp://10.0.0.1:8786") as cluster:  # doctest: +SKIP
+        ...     result = bs.ensemble("gauss3", "kepler", **options, executor=cluster)
 
     References:
         M. Rocklin, Proc. 14th Python in Science Conf. (2015) 126–132, doi:10.25080/Majora-7b98e3ed-013.

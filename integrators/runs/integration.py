@@ -168,8 +168,8 @@ def integrate(
         RuntimeWarning: An observation was not finite; the first such observation is named.
 
     Example:
-        >>> from integrators import scene
-        >>> run = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=1000, save_every=500, observe="energy")
+        >>> import bseries as bs
+        >>> run = bs.integrate("stormer-verlet", "pendulum", h=0.1, steps=1000, save_every=500, observe="energy")
         >>> print(run.t, run.y.shape)
         [  0.  50. 100.] (2, 3)
         >>> print(run.observed["energy"].round(3))

@@ -40,9 +40,9 @@ def perturbed_start(scene: Scene | str, spread: float) -> NormalStart:
         IntegratorError: The scene has no start, or the spread is not a number ≥ 0.
 
     Example:
+        >>> import bseries as bs
         >>> import numpy as np
-        >>> from integrators import scene
-        >>> draw = perturbed_start(scene("lorenz"), 1e-3)
+        >>> draw = bs.runs.perturbed_start(bs.scene("lorenz"), 1e-3)
         >>> print(draw.mean, draw(np.random.default_rng(1)))
         [0. 1. 0.] [3.45584192e-04 1.00082162e+00 3.30437076e-04]
     """
@@ -67,10 +67,10 @@ def thermal_momenta(scene: Scene | str, temperature: float) -> NormalStart:
         IntegratorError: The scene is not of this kind, or the temperature is not a number ≥ 0.
 
     Example:
+        >>> import bseries as bs
         >>> import numpy as np
-        >>> from integrators import scene
-        >>> atoms = scene("lennard-jones", particles=4, dimension=1)
-        >>> y0 = thermal_momenta(atoms, temperature=0.1)(np.random.default_rng(1))
+        >>> atoms = bs.scene("lennard-jones", particles=4, dimension=1)
+        >>> y0 = bs.runs.thermal_momenta(atoms, temperature=0.1)(np.random.default_rng(1))
         >>> print(y0[:4], abs(y0[:4].sum()) < 1e-15, (y0[4:] == atoms.y0[4:]).all())
         [ 0.09390815 0.2444433 0.08911821 -0.42746967] True True
     """

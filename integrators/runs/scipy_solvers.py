@@ -49,13 +49,11 @@ def right_hand_side(scene: Scene | str) -> Callable[[float, Array], Array]:
             compiled function of the scene raises an error.
 
     Example:
+        >>> import bseries as bs
         >>> from scipy.integrate import solve_ivp
-        >>> from integrators import method, scene
-        >>> kepler = scene("kepler")
-        >>> span = (0, 6.283185307179586)
-        >>> found = solve_ivp(
-        ...     right_hand_side(kepler), span, kepler.y0, method=scipy_solver(method("dop853")), rtol=1e-12, atol=1e-12
-        ... )
+        >>> kepler, span = bs.scene("kepler"), (0, 6.283185307179586)
+        >>> field, solver = bs.integrators.right_hand_side(kepler), bs.integrators.scipy_solver("dop853")
+        >>> found = solve_ivp(field, span, kepler.y0, method=solver, rtol=1e-12, atol=1e-12)
         >>> bool(abs(found.y[:, -1] - kepler.y0).max() < 1e-9)
         True
     """
@@ -99,9 +97,9 @@ def scipy_solver(method: RungeKutta | str) -> type[RK45]:
         IntegratorError: The method has symbols, is implicit or inconsistent, or has no usable embedded weights.
 
     Example:
+        >>> import bseries as bs
         >>> from scipy.integrate import solve_ivp
-        >>> from integrators import method
-        >>> tsit5 = scipy_solver(method("tsit5"))
+        >>> tsit5 = bs.integrators.scipy_solver(bs.method("tsit5"))
         >>> found = solve_ivp(lambda t, y: -y, (0, 1), [1.0], method=tsit5, rtol=1e-8, atol=1e-10)
         >>> print(f"{found.y[0, -1]:.7f}", tsit5.order, tsit5.error_estimator_order)
         0.3678794 5 4

@@ -31,6 +31,8 @@ from integrators.core.text_files import check_path, read_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 OBSERVED = "observed/"
@@ -68,9 +70,8 @@ class Trajectory(Tabular):
         meta: The scene, the method and the options of the run, as JSON values.
 
     Example:
-        >>> from integrators import scene
-        >>> from integrators.runs.integration import integrate
-        >>> run = integrate("rk4", scene("pendulum"), h=0.1, steps=200, save_every=100, observe="energy")
+        >>> import bseries as bs
+        >>> run = bs.integrate("rk4", bs.scene("pendulum"), h=0.1, steps=200, save_every=100, observe="energy")
         >>> run
         <Trajectory of rk4 on pendulum: 3 states from t = 0 to 20, energy observed>
         >>> run.t, run.variables, run.y.shape, run.meta["method"]["b"]
@@ -146,15 +147,15 @@ class Trajectory(Tabular):
                 than those of the states, or `ax` is no axes.
 
         Example:
-            >>> from integrators import integrate, scene
-            >>> run = integrate("rk4", scene("pendulum"), h=0.1, steps=200, observe="energy")
+            >>> import bseries as bs
+            >>> run = bs.integrate("rk4", bs.scene("pendulum"), h=0.1, steps=200, observe="energy")
             >>> [line.get_label() for line in run.plot().lines]
             ['p', 'q']
             >>> axes = run.plot(y="energy", change=True)
             >>> axes.get_xlabel(), axes.get_ylabel()
             ('time $t$', 'error of the energy, $H - H_0$')
             >>> axes = run.plot(x="q", y="p")
-            >>> other = integrate("stormer-verlet", scene("pendulum"), h=0.1, steps=200, observe="energy")
+            >>> other = bs.integrate("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=200, observe="energy")
             >>> axes = other.plot(run.plot(y="energy", label="rk4"), y="energy", label="Störmer–Verlet")
             >>> [text.get_text() for text in axes.get_legend().get_texts()]
             ['rk4', 'Störmer–Verlet']
@@ -195,7 +196,7 @@ class Trajectory(Tabular):
         columns = stored | dict(self.observed) | {"t": self.observed_t if observed else self.t}
         return [columns[name] for name in names]
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """The trajectory as a ``pandas.DataFrame``: a row for each time, a column for each variable and quantity.
 
         Raises:
@@ -210,7 +211,7 @@ class Trajectory(Tabular):
         columns = dict(zip(self.variables, self.y, strict=True)) | self.observed
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> Dataset:
         """The trajectory as an ``xarray.Dataset``: y (variable, time), and observations (time) or (observed_time).
 
         Raises:
@@ -240,12 +241,13 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         IntegratorError: The file does not exist, or is not a trajectory.
 
     Example:
+        >>> import bseries as bs
         >>> import pathlib, tempfile
         >>> import numpy as np
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder, "line.npz")
-        ...     Trajectory(np.arange(3.0), np.ones((1, 3)), h=1.0, variables=["y"]).save(path)
-        ...     load_trajectory(path)
+        ...     bs.Trajectory(np.arange(3.0), np.ones((1, 3)), h=1.0, variables=["y"]).save(path)
+        ...     bs.load_trajectory(path)
         <Trajectory of 1 variables: 3 states from t = 0 to 2>
     """
     name = check_path(path, "path")

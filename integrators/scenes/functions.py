@@ -57,20 +57,21 @@ def scene_from_function(
             else.
 
     Example:
+        >>> import bseries as bs
         >>> import numpy as np
         >>> def pendulum(t, y, g=9.81):
         ...     angle, speed = y
         ...     return [speed, -g * np.sin(angle)]
-        >>> scene_from_function(pendulum, [1, 0]).field
+        >>> bs.scene_from_function(pendulum, [1, 0]).field
         (y2, -981*sin(y1)/100)
         >>> def kepler(p, q):
         ...     return p @ p / 2 - 1 / np.linalg.norm(q)
-        >>> scene_from_function(kepler, [0, 2, "2/5", 0], hamiltonian=True).hamiltonian
+        >>> bs.scene_from_function(kepler, [0, 2, "2/5", 0], hamiltonian=True).hamiltonian
         p1**2/2 + p2**2/2 - 1/sqrt(q1**2 + q2**2)
         >>> def bouncing(t, y, k=100.0):
         ...     height, speed = y
         ...     return speed, -1.0 if height > 0 else -k * height - 1.0
-        >>> scene_from_function(bouncing, [1, 0]).notes
+        >>> bs.scene_from_function(bouncing, [1, 0]).notes
         ('the compiled function bouncing has values, but neither formulas nor derivatives',)
     """
     start = items(y0, "y0")

@@ -75,10 +75,11 @@ class Scene(System, Tabular):
             start is outside the domain.
 
     Example:
-        >>> pendulum = Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start={"p": [0], "q": ["-3/2"]})
+        >>> import bseries as bs
+        >>> pendulum = bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)", start={"p": [0], "q": ["-3/2"]})
         >>> pendulum.field
         (-sin(q), p)
-        >>> damped = Scene({"p": 1, "q": 1}, field={"p": "-sin(q) - c*p", "q": "p"}, parameters={"c": 0.1})
+        >>> damped = bs.Scene({"p": 1, "q": 1}, field={"p": "-sin(q) - c*p", "q": "p"}, parameters={"c": 0.1})
         >>> damped.field, damped.hamiltonian
         ((-p/10 - sin(q), p), None)
 
@@ -179,9 +180,9 @@ class Scene(System, Tabular):
         parameters or too many terms is refused.
 
         Example:
-            >>> from integrators import Scene
+            >>> import bseries as bs
             >>> invariants = {"square": "x^2 + y^2", "sum": "x + y"}
-            >>> rotation = Scene({"z": ["x", "y"]}, field={"x": "y", "y": "-x"}, invariants=invariants)
+            >>> rotation = bs.Scene({"z": ["x", "y"]}, field={"x": "y", "y": "-x"}, invariants=invariants)
             >>> list(rotation.invariant_defects())
             ['sum']
         """
@@ -191,8 +192,9 @@ class Scene(System, Tabular):
         """The scene with exactly these effects on, and new values of parameters, its own or those of these effects.
 
         Example:
-            >>> drag = Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})
-            >>> oscillator = Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", effects={"drag": drag})
+            >>> import bseries as bs
+            >>> drag = bs.Effect(field={"p": "-c*p"}, parameters={"c": "1/10"})
+            >>> oscillator = bs.Scene({"p": 1, "q": 1}, hamiltonian="(p^2 + q^2)/2", effects={"drag": drag})
             >>> oscillator.with_effects("drag", c="1/5").field
             (-p/5 - q, p)
         """
@@ -210,7 +212,9 @@ class Scene(System, Tabular):
             IntegratorError: There is no such block or variable, or a block has another number of variables.
 
         Example:
-            >>> Scene({"p": 2, "q": 2}, hamiltonian="p1^2 + q2", start={"p": [0, 0], "q": [1, 2]}).with_start(q2=3).y0
+            >>> import bseries as bs
+            >>> scene = bs.Scene({"p": 2, "q": 2}, hamiltonian="p1^2 + q2", start={"p": [0, 0], "q": [1, 2]})
+            >>> scene.with_start(q2=3).y0
             array([0., 0., 1., 3.])
         """
         return self._changed(declarations.with_start_values(self.declaration, self.active, values), self.active)
@@ -242,7 +246,8 @@ class Scene(System, Tabular):
         """The scene as the text of a TOML file, from which `load_scene` reads an equal one.
 
         Example:
-            >>> print(Scene({"y": 1}, field={"y": "-k*y"}, parameters={"k": 0.1}).to_toml(), end="")
+            >>> import bseries as bs
+            >>> print(bs.Scene({"y": 1}, field={"y": "-k*y"}, parameters={"k": 0.1}).to_toml(), end="")
             [variables]
             y = 1
             <BLANKLINE>

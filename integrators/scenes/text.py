@@ -52,10 +52,11 @@ def parse_scene(
         IntegratorError: The text is not a list of equations, or a name has neither an equation nor a value.
 
     Example:
-        >>> pendulum = parse_scene("p' = -sin(q); q' = p", start="p=0; q=-3/2")
-        >>> pendulum == Scene({"p": 1, "q": 1}, field={"p": "-sin(q)", "q": "p"}, start={"p": [0], "q": ["-3/2"]})
+        >>> import bseries as bs
+        >>> pendulum = bs.parse_scene("p' = -sin(q); q' = p", start="p=0; q=-3/2")
+        >>> pendulum == bs.Scene({"p": 1, "q": 1}, field={"p": "-sin(q)", "q": "p"}, start={"p": [0], "q": ["-3/2"]})
         True
-        >>> parse_scene("dx/dt = mu - x^2", parameters="mu=1/2").field
+        >>> bs.parse_scene("dx/dt = mu - x^2", parameters="mu=1/2").field
         (1/2 - x**2,)
     """
     field = _read_equations(text)
@@ -86,9 +87,10 @@ def parse_hamiltonian(
         IntegratorError: The text is not a formula, or a name is neither a variable nor a parameter.
 
     Example:
-        >>> parse_hamiltonian("p^2/2 - cos(q)") == Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
+        >>> import bseries as bs
+        >>> bs.parse_hamiltonian("p^2/2 - cos(q)") == bs.Scene({"p": 1, "q": 1}, hamiltonian="p^2/2 - cos(q)")
         True
-        >>> parse_hamiltonian("(px^2 + py^2)/2 - k/sqrt(qx^2 + qy^2)", parameters="k=1").variables
+        >>> bs.parse_hamiltonian("(px^2 + py^2)/2 - k/sqrt(qx^2 + qy^2)", parameters="k=1").variables
         ('px', 'py', 'qx', 'qy')
     """
     if not isinstance(text, str):
@@ -248,9 +250,10 @@ def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
             not constant along the field.
 
     Example:
+        >>> import bseries as bs
         >>> import io
         >>> text = 'variables = {p = 1, q = 1}\\nhamiltonian = "p^2/2 - cos(q)"'
-        >>> load_scene(io.StringIO(text)).field
+        >>> bs.load_scene(io.StringIO(text)).field
         (-sin(q), p)
     """
     text, label = read_text(source)
@@ -281,12 +284,12 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
         IntegratorError: The file cannot be written.
 
     Example:
+        >>> import bseries as bs
         >>> import pathlib, tempfile
-        >>> from integrators import scene
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder, "pendulum.toml")
-        ...     save_scene(scene("pendulum"), path)
-        ...     load_scene(path) == scene("pendulum")
+        ...     bs.save_scene(bs.scene("pendulum"), path)
+        ...     bs.load_scene(path) == bs.scene("pendulum")
         True
     """
     if not isinstance(scene, Scene):

@@ -20,10 +20,10 @@ class StepError(IntegratorError):
         trajectory: The `Trajectory` of `integrate` up to then; None without `integrate`.
 
     Example:
-        >>> from integrators import integrate, parse_scene
+        >>> import bseries as bs
         >>> try:
-        ...     integrate("rk4", parse_scene("y' = y^2"), y0=[1], h=0.01, steps=200)
-        ... except StepError as error:
+        ...     bs.integrate("rk4", bs.parse_scene("y' = y^2"), y0=[1], h=0.01, steps=200)
+        ... except bs.integrators.StepError as error:
         ...     print(error.step, error.t, repr(error.trajectory))
         103 1.02 <Trajectory of rk4 on scene: 103 states from t = 0 to 1.02>
     """
@@ -53,8 +53,8 @@ class State:
         solver: The solver of implicit stages from here on: ``fixed-point`` or ``newton``.
 
     Example:
-        >>> from integrators import scene, stepper
-        >>> verlet = stepper("stormer-verlet", scene("pendulum"))
+        >>> import bseries as bs
+        >>> verlet = bs.stepper("stormer-verlet", bs.scene("pendulum"))
         >>> state = verlet.start(h=0.1)
         >>> verlet.advance(state, 5)
         >>> other = state.copy()

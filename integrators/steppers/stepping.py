@@ -84,8 +84,8 @@ class Stepper:
         control: The step size function; None for constant steps.
 
     Example:
-        >>> from integrators import scene
-        >>> made = stepper("gauss2", scene("kepler"))
+        >>> import bseries as bs
+        >>> made = bs.stepper("gauss2", bs.scene("kepler"))
         >>> made
         <Stepper gauss2 on kepler>
         >>> "while done < steps:" in made.source
@@ -148,8 +148,8 @@ class Stepper:
             The run, with n = 0 at the present time.
 
         Example:
-            >>> from integrators import scene
-            >>> verlet = stepper("stormer-verlet", scene("pendulum"))
+            >>> import bseries as bs
+            >>> verlet = bs.stepper("stormer-verlet", bs.scene("pendulum"))
             >>> state = verlet.start([0, 1], h=0.1)
             >>> verlet.advance(state, 10)
             >>> back = verlet.restart(state, h=-state.h)
@@ -231,8 +231,8 @@ class Stepper:
             IntegratorError: Not all steps could be made by the solver of the state.
 
         Example:
-            >>> from integrators import scene
-            >>> verlet = stepper("stormer-verlet", scene("pendulum"))
+            >>> import bseries as bs
+            >>> verlet = bs.stepper("stormer-verlet", bs.scene("pendulum"))
             >>> state = verlet.start(h=0.1)
             >>> verlet.repeat(state, 10, 1000)
             >>> state.n
@@ -370,8 +370,8 @@ def stepper(
         IntegratorError: The scene or the method has symbols, they do not fit, or the solver is unknown.
 
     Example:
-        >>> from integrators import method, scene
-        >>> verlet = stepper("stormer-verlet", scene("pendulum"))
+        >>> import bseries as bs
+        >>> verlet = bs.stepper("stormer-verlet", bs.scene("pendulum"))
         >>> state = verlet.start([0, 1], h=0.1)
         >>> verlet.advance(state, 10)
         >>> print(state.t, state.y)

@@ -14,7 +14,7 @@ import bseries as bs
 pytestmark = pytest.mark.slow
 
 PENDULUM = bs.scene("pendulum")
-OSCILLATOR = bs.scene("harmonic-oscillator")
+OSCILLATOR = bs.scene("linear")
 PREDATORS = bs.scene("lotka-volterra")
 METHODS = ("stormer-verlet", "rk4", "implicit-midpoint")
 SUBNORMAL = 5e-324

@@ -39,7 +39,8 @@ def coproduct(x: Summand) -> FormalSum:
         TreeError: If x is none of these, or has too many cuts.
 
     Example:
-        >>> coproduct("[τ,τ]")
+        >>> import bseries as bs
+        >>> bs.hopf.coproduct("[τ,τ]")
         ∅⊗[τ,τ] + 2 τ⊗[τ] + τ·τ⊗τ + [τ,τ]⊗∅
 
     References:
@@ -67,7 +68,8 @@ def counit(x: Summand) -> Any:
     The argument and the errors are those of `coproduct`.
 
     Example:
-        >>> counit("[τ]"), counit(3 * FormalSum("∅") + Forest("τ"))
+        >>> import bseries as bs
+        >>> bs.hopf.counit("[τ]"), bs.hopf.counit(3 * bs.hopf.FormalSum("∅") + bs.hopf.Forest("τ"))
         (0, 3)
     """
     return as_sum(x, "x")[_NONE]
@@ -84,9 +86,10 @@ def substitution_coproduct(x: Summand) -> FormalSum:
     The argument, the kind of result and the errors are those of `coproduct`.
 
     Example:
-        >>> substitution_coproduct("[[τ]]")
+        >>> import bseries as bs
+        >>> bs.hopf.substitution_coproduct("[[τ]]")
         τ·τ·τ⊗[[τ]] + 2 τ·[τ]⊗[τ] + [[τ]]⊗τ
-        >>> substitution_coproduct("p[q]")
+        >>> bs.hopf.substitution_coproduct("p[q]")
         p·q⊗p[q] + p[q]⊗p
 
     References:
@@ -125,7 +128,8 @@ def substitution_counit(x: Summand) -> Any:
     those of `coproduct`.
 
     Example:
-        >>> substitution_counit("τ"), substitution_counit("τ·[τ]"), substitution_counit("p·q")
+        >>> import bseries as bs
+        >>> bs.hopf.substitution_counit("τ"), bs.hopf.substitution_counit("τ·[τ]"), bs.hopf.substitution_counit("p·q")
         (1, 0, 1)
     """
     return as_sum(x, "x").evaluate(lambda tree: int(tree.order == 1))
@@ -140,7 +144,8 @@ def grossman_larson_coproduct(x: Summand) -> FormalSum:
     The argument, the kind of result and the errors are those of `coproduct`.
 
     Example:
-        >>> grossman_larson_coproduct("τ^2")
+        >>> import bseries as bs
+        >>> bs.hopf.grossman_larson_coproduct("τ^2")
         ∅⊗τ·τ + 2 τ⊗τ + τ·τ⊗∅
 
     References:
@@ -170,7 +175,8 @@ def antipode(x: Summand) -> FormalSum:
     Returns a sum of forests. The argument and the errors are those of `coproduct`.
 
     Example:
-        >>> antipode("[τ,τ]")
+        >>> import bseries as bs
+        >>> bs.hopf.antipode("[τ,τ]")
         -τ·τ·τ + 2 τ·[τ] - [τ,τ]
 
     References:
@@ -190,7 +196,8 @@ def substitution_antipode(x: Summand) -> FormalSum:
     Returns a sum of forests without single nodes. The argument and the errors are those of `coproduct`.
 
     Example:
-        >>> substitution_antipode("[[τ]]"), substitution_antipode("τ")
+        >>> import bseries as bs
+        >>> bs.hopf.substitution_antipode("[[τ]]"), bs.hopf.substitution_antipode("τ")
         (-[[τ]] + 2 [τ]·[τ], ∅)
 
     References:
@@ -226,7 +233,8 @@ def grossman_larson_antipode(x: Summand) -> FormalSum:
     Returns a sum of forests. The argument and the errors are those of `coproduct`.
 
     Example:
-        >>> grossman_larson_antipode("τ"), grossman_larson_antipode("τ·[τ]")
+        >>> import bseries as bs
+        >>> bs.hopf.grossman_larson_antipode("τ"), bs.hopf.grossman_larson_antipode("τ·[τ]")
         (-τ, τ·[τ] + 2 [[τ]] + [τ,τ])
 
     References:

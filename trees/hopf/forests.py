@@ -34,12 +34,13 @@ class Forest:
         TreeError: If the text is not a forest, or has more than 10,000 nodes.
 
     Example:
-        >>> forest = Forest("[τ]·τ^2")
+        >>> import bseries as bs
+        >>> forest = bs.hopf.Forest("[τ]·τ^2")
         >>> forest, forest.order, forest.symmetry, len(forest)
         (Forest('τ·τ·[τ]'), 4, 2, 3)
-        >>> forest * Tree("τ") == Forest("τ^3·[τ]"), Forest() == Forest("∅")
+        >>> forest * bs.Tree("τ") == bs.hopf.Forest("τ^3·[τ]"), bs.hopf.Forest() == bs.hopf.Forest("∅")
         (True, True)
-        >>> Tree.join(forest), Forest(Tree("[τ,[τ]]").children)  # B₊ and its inverse B₋
+        >>> bs.Tree.join(forest), bs.hopf.Forest(bs.Tree("[τ,[τ]]").children)  # B₊ and its inverse B₋
         (Tree('[τ,τ,[τ]]'), Forest('τ·[τ]'))
 
     References:
@@ -120,7 +121,8 @@ class Forest:
         The argument and the errors are those of `Tree.text`.
 
         Example:
-            >>> Forest("q·p[q]").text(), Forest("q·p[q]").text(["fast", "slow"])
+            >>> import bseries as bs
+            >>> bs.hopf.Forest("q·p[q]").text(), bs.hopf.Forest("q·p[q]").text(["fast", "slow"])
             ('q·p[q]', 'slow·fast[slow]')
         """
         common = common_names(self._trees, names)
@@ -130,7 +132,8 @@ class Forest:
         r"""The forest in LaTeX; the arguments are those of `text`.
 
         Example:
-            >>> print(Forest("τ·[τ]").to_latex())
+            >>> import bseries as bs
+            >>> print(bs.hopf.Forest("τ·[τ]").to_latex())
             \tau \cdot [\tau]
         """
         common = common_names(self._trees, names)

@@ -35,7 +35,8 @@ def graft(x: Summand, y: Summand) -> FormalSum:
         TreeError: If x or y is none of these, or there are too many ways.
 
     Example:
-        >>> graft("[τ]", "τ"), graft("τ", "[τ]"), graft("q", "p[p]")
+        >>> import bseries as bs
+        >>> bs.hopf.graft("[τ]", "τ"), bs.hopf.graft("τ", "[τ]"), bs.hopf.graft("q", "p[p]")
         ([[τ]], [[τ]] + [τ,τ], p[p[q]] + p[p,q])
 
     References:
@@ -55,7 +56,8 @@ def grossman_larson(x: Summand, y: Summand) -> FormalSum:
     The arguments and the errors are those of `graft`. The product is associative, and ∅ is its unit.
 
     Example:
-        >>> grossman_larson("τ", "[τ]"), grossman_larson("τ^2", "τ")
+        >>> import bseries as bs
+        >>> bs.hopf.grossman_larson("τ", "[τ]"), bs.hopf.grossman_larson("τ^2", "τ")
         (τ·[τ] + [[τ]] + [τ,τ], τ·τ·τ + 2 τ·[τ] + [τ,τ])
 
     References:
@@ -75,7 +77,8 @@ def tree_commutator(x: Summand, y: Summand) -> FormalSum:
     The arguments and the errors are those of `graft`; of trees, the result is a sum of trees.
 
     Example:
-        >>> tree_commutator("τ", "[τ]")
+        >>> import bseries as bs
+        >>> bs.hopf.tree_commutator("τ", "[τ]")
         [τ,τ]
 
     References:

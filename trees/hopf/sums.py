@@ -109,13 +109,14 @@ class FormalSum:
         TreeError: If an element or a coefficient is none of these, or elements have different numbers of factors.
 
     Example:
+        >>> import bseries as bs
         >>> from fractions import Fraction
-        >>> x = FormalSum({"[τ]": 2, "τ^2": Fraction(-1, 2)})
+        >>> x = bs.hopf.FormalSum({"[τ]": 2, "τ^2": Fraction(-1, 2)})
         >>> x, x["τ·τ"], x["τ"], len(x)
         (-1/2 τ·τ + 2 [τ], Fraction(-1, 2), 0, 2)
-        >>> x * x - 4 * FormalSum("[τ]^2")
+        >>> x * x - 4 * bs.hopf.FormalSum("[τ]^2")
         1/4 τ·τ·τ·τ - 2 τ·τ·[τ]
-        >>> x.tensor(Tree("τ"))
+        >>> x.tensor(bs.Tree("τ"))
         -1/2 τ·τ⊗τ + 2 [τ]⊗τ
     """
 
@@ -160,7 +161,8 @@ class FormalSum:
         """Each basis element, a `Forest` or a tuple of them, with its coefficient, in ascending order.
 
         Example:
-            >>> list(FormalSum({("τ", "∅"): 3}).items())
+            >>> import bseries as bs
+            >>> list(bs.hopf.FormalSum({("τ", "∅"): 3}).items())
             [((Forest('τ'), Forest('∅')), 3)]
         """
         for factors, coefficient in self._sorted():
@@ -233,7 +235,8 @@ class FormalSum:
             TreeError: If `other` is none of these, or there are too many terms.
 
         Example:
-            >>> FormalSum("τ").tensor("[τ]").tensor("∅")
+            >>> import bseries as bs
+            >>> bs.hopf.FormalSum("τ").tensor("[τ]").tensor("∅")
             τ⊗[τ]⊗∅
         """
         right = as_sum(other, "other", tensors=True)._terms
@@ -251,7 +254,8 @@ class FormalSum:
             TreeError: If the rule returns anything else, or elements with different numbers of factors.
 
         Example:
-            >>> FormalSum({("τ", "[τ]"): 2}).map(lambda pair: pair[0] * pair[1])
+            >>> import bseries as bs
+            >>> bs.hopf.FormalSum({("τ", "[τ]"): 2}).map(lambda pair: pair[0] * pair[1])
             2 τ·[τ]
         """
         total: dict[Factors, Any] = {}
@@ -274,7 +278,8 @@ class FormalSum:
             TreeError: If there are not as many rules as factors.
 
         Example:
-            >>> FormalSum({("τ^2", "[τ]"): 3}).evaluate(lambda tree: 10, lambda tree: tree.order)
+            >>> import bseries as bs
+            >>> bs.hopf.FormalSum({("τ^2", "[τ]"): 3}).evaluate(lambda tree: 10, lambda tree: tree.order)
             600
         """
         if self and len(rules) != self.factors:
@@ -291,7 +296,8 @@ class FormalSum:
         of `Tree.text`.
 
         Example:
-            >>> FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
+            >>> import bseries as bs
+            >>> bs.hopf.FormalSum({("q", "p[q]"): -2}).text(["fast", "slow"])
             '-2 slow⊗fast[slow]'
         """
         common = self._names(names)
@@ -301,7 +307,8 @@ class FormalSum:
         r"""The sum in LaTeX; the argument is that of `text`.
 
         Example:
-            >>> print((FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
+            >>> import bseries as bs
+            >>> print((bs.hopf.FormalSum({("τ", "[τ]"): 1}) / 2).to_latex())
             \frac{1}{2} \tau \otimes [\tau]
         """
         common = self._names(names)

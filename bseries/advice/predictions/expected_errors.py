@@ -116,7 +116,7 @@ def predict_run(
 
     Example:
         >>> import bseries as bs
-        >>> found = predict_run("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=10**8)
+        >>> found = bs.predict_run("stormer-verlet", bs.scene("pendulum"), h=0.1, steps=10**8)
         >>> print(found.energy, found.powers, 1 < found.seconds < 1000)
         2.8e-02 (2, 4) True
         >>> found.covered < 1e-3

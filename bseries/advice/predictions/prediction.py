@@ -87,7 +87,8 @@ class ExpectedError(NamedTuple):
         reason: The reason, or a remark on the value; may be empty.
 
     Example:
-        >>> print(ExpectedError(2.13e-7), ExpectedError(None, "there is no energy"))
+        >>> import bseries as bs
+        >>> print(bs.advice.ExpectedError(2.13e-7), bs.advice.ExpectedError(None, "there is no energy"))
         2.1e-07 unknown: there is no energy
     """
 

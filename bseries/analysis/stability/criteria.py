@@ -49,9 +49,10 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
         IntegratorError: `method` is implicit with too many stages for floats or decimals.
 
     Example:
-        >>> print(stability_function("rk4"))
+        >>> import bseries as bs
+        >>> print(bs.stability_function("rk4"))
         1 + z + z^2/2 + z^3/6 + z^4/24
-        >>> print(stability_function("radau-iia2"))
+        >>> print(bs.stability_function("radau-iia2"))
         (1 + z/3)/(1 - 2*z/3 + z^2/6)
     """
     method = checked_method(method)
@@ -110,7 +111,8 @@ def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
         The coefficients of 1, y, y², …, which may have symbols; () if |R(iy)| = 1 for all y.
 
     Example:
-        >>> [str(e) for e in e_polynomial("rk4")]
+        >>> import bseries as bs
+        >>> [str(e) for e in bs.stability.e_polynomial("rk4")]
         ['0', '0', '0', '0', '0', '0', '1/72', '0', '-1/576']
     """
     R = function_of(method)
@@ -122,7 +124,8 @@ def is_i_stable(method: MethodOrFunction) -> bool | None:
     """Whether |R(iy)| ≤ 1 for all real y; None if undecided.
 
     Example:
-        >>> is_i_stable("gauss3"), is_i_stable("rk4")
+        >>> import bseries as bs
+        >>> bs.stability.is_i_stable("gauss3"), bs.stability.is_i_stable("rk4")
         (True, False)
     """
     R = function_of(method)
@@ -140,7 +143,8 @@ def is_a_stable(method: MethodOrFunction) -> bool | None:
     """Whether |R(z)| ≤ 1 in the left half plane: I-stable, without poles there; None if undecided.
 
     Example:
-        >>> [is_a_stable(name) for name in ("gauss3", "rk4", "sdirk2")]
+        >>> import bseries as bs
+        >>> [bs.stability.is_a_stable(name) for name in ("gauss3", "rk4", "sdirk2")]
         [True, False, None]
     """
     R = function_of(method)
@@ -153,7 +157,8 @@ def is_l_stable(method: MethodOrFunction) -> bool | None:
     """Whether the method is A-stable and R(∞) = 0; None if undecided.
 
     Example:
-        >>> is_l_stable("radau-iia3"), is_l_stable("gauss3")
+        >>> import bseries as bs
+        >>> bs.stability.is_l_stable("radau-iia3"), bs.stability.is_l_stable("gauss3")
         (True, False)
     """
     R = function_of(method)
@@ -167,7 +172,8 @@ def real_stability_interval(method: MethodOrFunction) -> float | None:
     It is the float nearest to an isolated root, or ``inf``.
 
     Example:
-        >>> real_stability_interval("rk4")
+        >>> import bseries as bs
+        >>> bs.stability.real_stability_interval("rk4")
         2.785293563405282
     """
     R = function_of(method)
@@ -184,7 +190,8 @@ def imaginary_stability_interval(method: MethodOrFunction) -> float | None:
     It is 0.0 if |R(iy)| > 1 for all small y > 0.
 
     Example:
-        >>> imaginary_stability_interval("rk4"), imaginary_stability_interval("heun2")
+        >>> import bseries as bs
+        >>> bs.stability.imaginary_stability_interval("rk4"), bs.stability.imaginary_stability_interval("heun2")
         (2.8284271247461903, 0.0)
     """
     R = function_of(method)
@@ -198,7 +205,8 @@ def stability_angle(method: MethodOrFunction) -> float | None:
     found by bisection. Each ray is decided exactly, since the tangent of half its angle is rational.
 
     Example:
-        >>> round(stability_angle(StabilityFunction([1], [1, -1, "1/2", "-1/6"])), 2)
+        >>> import bseries as bs
+        >>> round(bs.stability.stability_angle(bs.stability.StabilityFunction([1], [1, -1, "1/2", "-1/6"])), 2)
         88.23
     """
     R = function_of(method)
@@ -242,7 +250,8 @@ def linear_order(method: MethodOrFunction) -> int:
     Like the orders of dispersion and dissipation, it holds for all values of the symbols.
 
     Example:
-        >>> linear_order("gauss3"), linear_order("heun3")
+        >>> import bseries as bs
+        >>> bs.stability.linear_order("gauss3"), bs.stability.linear_order("heun3")
         (6, 3)
     """
     R = function_of(method)
@@ -263,7 +272,8 @@ def dispersion_order(method: MethodOrFunction) -> int | None:
     It is None if decimals or floats do not determine the first term of the phase error.
 
     Example:
-        >>> dispersion_order("rk4"), dispersion_order("gauss2")
+        >>> import bseries as bs
+        >>> bs.stability.dispersion_order("rk4"), bs.stability.dispersion_order("gauss2")
         (4, 4)
 
     References:
@@ -280,7 +290,8 @@ def dissipation_order(method: MethodOrFunction) -> int | None:
     """Dissipation order: the largest r with amplification error 1 − |R(iy)| = O(y^(r+1)); None if |R(iy)| = 1.
 
     Example:
-        >>> dissipation_order("rk4"), dissipation_order("gauss2")
+        >>> import bseries as bs
+        >>> bs.stability.dissipation_order("rk4"), bs.stability.dissipation_order("gauss2")
         (5, None)
     """
     # 1 − |R|² = E / |Q|², and |Q(0)| = 1.
@@ -322,7 +333,9 @@ def is_algebraically_stable(method: RungeKutta | str) -> bool | None:
     the basis 1, x, …; a change of basis keeps their signature.
 
     Example:
-        >>> [is_algebraically_stable(name) for name in ("gauss3", "radau-iia3", "lobatto-iiia3", "trapezoidal")]
+        >>> import bseries as bs
+        >>> names = ("gauss3", "radau-iia3", "lobatto-iiia3", "trapezoidal")
+        >>> [bs.stability.is_algebraically_stable(name) for name in names]
         [True, True, False, False]
 
     References:
@@ -372,8 +385,9 @@ def ssp_coefficient(method: RungeKutta | str) -> Fraction | float | None:
         degree.
 
     Example:
+        >>> import bseries as bs
         >>> names = ("explicit-euler", "ssprk33", "ssprk104", "rk4", "implicit-midpoint", "implicit-euler")
-        >>> [str(ssp_coefficient(name)) for name in names]
+        >>> [str(bs.stability.ssp_coefficient(name)) for name in names]
         ['1', '1', '6', '0', '2', 'inf']
 
     References:
@@ -434,7 +448,8 @@ def linear_ssp_coefficient(method: MethodOrFunction) -> Fraction | float | None:
         As for `ssp_coefficient`; None also if R is not a polynomial, since it then has infinitely many derivatives.
 
     Example:
-        >>> [str(linear_ssp_coefficient(name)) for name in ("rk4", "ssprk33", "ssprk104")]
+        >>> import bseries as bs
+        >>> [str(bs.stability.linear_ssp_coefficient(name)) for name in ("rk4", "ssprk33", "ssprk104")]
         ['1', '1', '6']
 
     References:

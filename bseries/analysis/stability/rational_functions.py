@@ -50,7 +50,9 @@ class StabilityFunction(ImmutableValue):
         IntegratorError: an entry is no number or formula, or the denominator vanishes at 0.
 
     Example:
-        >>> R = StabilityFunction([1, "1/2"], [1, "-1/2"])
+        >>> import bseries as bs
+        >>> from fractions import Fraction
+        >>> R = bs.stability.StabilityFunction([1, "1/2"], [1, "-1/2"])
         >>> print(R)
         (1 + z/2)/(1 - z/2)
         >>> R(Fraction(1)), R.at_infinity, R.poles
@@ -234,8 +236,8 @@ class StabilityFunction(ImmutableValue):
             ImportError: matplotlib is not installed.
 
         Example:
-            >>> from bseries import stability_function
-            >>> axes = stability_function("rk4").plot()
+            >>> import bseries as bs
+            >>> axes = bs.stability_function("rk4").plot()
             >>> axes.get_xlabel(), round(float(axes.get_xlim()[0]), 1)
             ('Re z,  z = hλ', -3.3)
 
@@ -277,7 +279,8 @@ class StabilityFunction(ImmutableValue):
         """The function as LaTeX.
 
         Example:
-            >>> print(StabilityFunction([1], [1, -1, "1/2"]).to_latex())
+            >>> import bseries as bs
+            >>> print(bs.stability.StabilityFunction([1], [1, -1, "1/2"]).to_latex())
             \\frac{1}{1 - z + \\frac{1}{2} z^{2}}
         """
         above, below = (polynomial_text(values, latex=True) for values in (self.p, self.q))

@@ -41,9 +41,8 @@ class BracketSeries(Mapping[Bracket, Any]):
         basis: ``nested``: a word stands for the right-nested bracket; ``lyndon``: for the bracket of a Lyndon word.
 
     Example:
-        >>> from bseries.hamiltonians.brackets.campbell_hausdorff import bracket_hamiltonian
         >>> import bseries as bs
-        >>> verlet = bracket_hamiltonian(bs.method("stormer-verlet"), 3)
+        >>> verlet = bs.hamiltonians.bracket_hamiltonian(bs.method("stormer-verlet"), 3)
         >>> verlet["{T,{T,U}}"], verlet["U", "U", "T"], len(verlet)
         (Fraction(1, 12), Fraction(-1, 24), 5)
         >>> print(verlet.to_latex())

@@ -56,7 +56,7 @@ def bracket_hamiltonian(
 
     Example:
         >>> import bseries as bs
-        >>> print(bracket_hamiltonian(bs.method("stormer-verlet"), 5, quadratic_kinetic=True))
+        >>> print(bs.hamiltonians.bracket_hamiltonian(bs.method("stormer-verlet"), 5, quadratic_kinetic=True))
         modified Hamiltonian of stormer-verlet-kdk
         h^0   T + U
         h^2   1/12 {T,{T,U}} - 1/24 {U,{U,T}}
@@ -99,13 +99,14 @@ def bch(
         TreeError: The order is not a whole number ≥ 1.
 
     Example:
-        >>> print(bch(4))
+        >>> import bseries as bs
+        >>> print(bs.bch(4))
         log(exp A exp B)
         h^0   A + B
         h^1   1/2 [A,B]
         h^2   1/12 [A,[A,B]] + 1/12 [B,[B,A]]
         h^3   -1/24 [B,[A,[A,B]]]
-        >>> print(bch(4, basis="lyndon").term_text(3))
+        >>> print(bs.bch(4, basis="lyndon").term_text(3))
         1/24 [A,[[A,B],B]]
 
     References:

@@ -51,10 +51,10 @@ class MethodEntry(NamedTuple):
         least_stages: The smallest number of stages of a family.
 
     Example:
+        >>> import bseries as bs
         >>> from functools import partial
-        >>> from integrators import RungeKutta
-        >>> build = partial(RungeKutta, [[0, 0], ["2/3", 0]], ["1/4", "3/4"])
-        >>> entry = MethodEntry("mine", "explicit", 2, 2, "two stages, order 2", "K. Heun, 1900", build)
+        >>> build = partial(bs.RungeKutta, [[0, 0], ["2/3", 0]], ["1/4", "3/4"])
+        >>> entry = bs.integrators.MethodEntry("mine", "explicit", 2, 2, "two stages, order 2", "K. Heun, 1900", build)
         >>> entry.is_tableau, entry.is_family, entry.build(name=entry.name, reference=entry.reference).c
         (True, False, (Fraction(0, 1), Fraction(2, 3)))
     """
@@ -143,7 +143,8 @@ def catalogue() -> MethodCatalogue:
     """The catalogue: a tuple with an entry for each method and each family of methods, none of them built.
 
     Example:
-        >>> [entry.name for entry in catalogue() if entry.kind == "diagonally implicit"][:3]
+        >>> import bseries as bs
+        >>> [entry.name for entry in bs.catalogue() if entry.kind == "diagonally implicit"][:3]
         ['implicit-euler', 'implicit-midpoint', 'trapezoidal']
     """
     return MethodCatalogue(sorted(REGISTER.entries, key=lambda entry: KINDS.index(entry.kind)))
@@ -172,9 +173,10 @@ def method(name: str, /, **parameters: Any) -> Method:
         IntegratorError: The method, the number of stages or a parameter is unknown.
 
     Example:
-        >>> method("rk4").b
+        >>> import bseries as bs
+        >>> bs.method("rk4").b
         (Fraction(1, 6), Fraction(1, 3), Fraction(1, 3), Fraction(1, 6))
-        >>> method("sdirk2", gamma="1/4").A == method("Qin_Zhang").A
+        >>> bs.method("sdirk2", gamma="1/4").A == bs.method("Qin_Zhang").A
         True
     """
     entry, stages = _find(name)
@@ -270,7 +272,8 @@ def recommended(order: int, kind: str = "splitting") -> str:
         IntegratorError: The kind is unknown, or the catalogue has no such method of that order.
 
     Example:
-        >>> recommended(6), recommended(6, "nystrom splitting")
+        >>> import bseries as bs
+        >>> bs.methods.recommended(6), bs.methods.recommended(6, "nystrom splitting")
         ('blanes-moan6', 'blanes-moan-rkn6')
 
     References:

@@ -44,7 +44,8 @@ def export_tableau(method: Method | str, format: str) -> str:
         IntegratorError: The method has parameters or no tableau, or the package has no form for methods of its kind.
 
     Example:
-        >>> print(export_tableau("explicit-midpoint", "sciml"), end="")
+        >>> import bseries as bs
+        >>> print(bs.methods.export_tableau("explicit-midpoint", "sciml"), end="")
         # explicit-midpoint, a tableau for SciML.
         import DiffEqBase
         <BLANKLINE>
@@ -92,12 +93,13 @@ def import_tableau(
         IntegratorError: The source has no such tableau, or something else than numbers in it.
 
     Example:
+        >>> import bseries as bs
         >>> text = "A = [0 0; 2//3 0]; c = [0, 2//3]; α = [1//4, 3//4]; ExplicitRKTableau(A, c, α, 2)"
-        >>> import_tableau(text).b
+        >>> bs.methods.import_tableau(text).b
         (Fraction(1, 4), Fraction(3, 4))
         >>> from scipy.integrate import RK45
-        >>> from integrators import method
-        >>> import_tableau(RK45).digits, import_tableau(RK45, fractions=True) == method("dormand-prince54")
+        >>> exact = bs.methods.import_tableau(RK45, fractions=True)
+        >>> bs.methods.import_tableau(RK45).digits, exact == bs.method("dormand-prince54")
         (16, True)
     """
     if isinstance(source, os.PathLike):

@@ -43,8 +43,8 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
     Example:
         Half a step of the explicit Euler method, then of the implicit one, is the implicit trapezoidal rule:
 
-        >>> from integrators import method
-        >>> print(composition([(method("explicit-euler"), "1/2"), (method("implicit-euler"), "1/2")]))
+        >>> import bseries as bs
+        >>> print(bs.composition([(bs.method("explicit-euler"), "1/2"), (bs.method("implicit-euler"), "1/2")]))
         k1 = h f(y)
         k2 = h f(y + 1/2*k1 + 1/2*k2)
         y1 = y + 1/2*k1 + 1/2*k2
@@ -77,8 +77,8 @@ def adjoint_method(method: Method, *, name: str | None = None) -> Program | Spli
     It has the flows in reverse order for a `Splitting`, otherwise it is a program with the same evaluations.
 
     Example:
-        >>> from integrators import method
-        >>> print(adjoint_method(method("explicit-euler")))
+        >>> import bseries as bs
+        >>> print(bs.methods.adjoint_method(bs.method("explicit-euler")))
         k1 = h f(y + k1)
         y1 = y + k1
 
@@ -96,8 +96,8 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
     """From 1 to 1,000 steps of length h / count as one method.
 
     Example:
-        >>> from integrators import method
-        >>> print(repeat(method("explicit-euler"), 2))
+        >>> import bseries as bs
+        >>> print(bs.methods.repeat(bs.method("explicit-euler"), 2))
         k1 = h f(y)
         k2 = h f(y + 1/2*k1)
         y1 = y + 1/2*k1 + 1/2*k2
@@ -120,8 +120,9 @@ def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None 
         IntegratorError: a pair is invalid, the methods differ in their parts, or the weights do not sum to 1.
 
     Example:
-        >>> from integrators import method
-        >>> print(linear_combination([(method("explicit-euler"), "1/2"), (method("implicit-euler"), "1/2")]))
+        >>> import bseries as bs
+        >>> explicit, implicit = bs.method("explicit-euler"), bs.method("implicit-euler")
+        >>> print(bs.methods.linear_combination([(explicit, "1/2"), (implicit, "1/2")]))
         k1 = h f(y)
         k2 = h f(y + k2)
         y1 = y + 1/2*k1 + 1/2*k2
@@ -159,8 +160,8 @@ def extrapolation(
         IntegratorError: `order` is not a positive integer, or `steps` are not distinct positive integers.
 
     Example:
-        >>> from integrators import method
-        >>> print(extrapolation(method("explicit-euler"), order=1))  # the explicit midpoint rule
+        >>> import bseries as bs
+        >>> print(bs.methods.extrapolation(bs.method("explicit-euler"), order=1))  # the explicit midpoint rule
         k1 = h f(y)
         k2 = h f(y)
         k3 = h f(y + 1/2*k2)
@@ -262,8 +263,8 @@ def triple_jump(method: Method, order: int, *, name: str | None = None) -> Progr
         IntegratorError: `method` is not a method, or `order` is not an even number.
 
     Example:
-        >>> from integrators import method
-        >>> [round(float(x), 4) for _, x in triple_jump(method("strang"), 2).flows]
+        >>> import bseries as bs
+        >>> [round(float(x), 4) for _, x in bs.methods.triple_jump(bs.method("strang"), 2).flows]
         [0.6756, 1.3512, -0.1756, -1.7024, -0.1756, 1.3512, 0.6756]
 
     References:
@@ -280,8 +281,8 @@ def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Pr
     The arguments, the order of the result and the errors raised are those of `triple_jump`.
 
     Example:
-        >>> from integrators import method
-        >>> [round(float(x), 4) for _, x in suzuki_fractal(method("strang"), 2).flows]
+        >>> import bseries as bs
+        >>> [round(float(x), 4) for _, x in bs.methods.suzuki_fractal(bs.method("strang"), 2).flows]
         [0.2072, 0.4145, 0.4145, 0.4145, -0.1217, -0.658, -0.1217, 0.4145, 0.4145, 0.4145, 0.2072]
 
     References:
@@ -325,9 +326,9 @@ def symmetric_composition(method: Method, scheme: str, *, name: str | None = Non
     Example:
         Splittings that begin with different parts give different compositions; this one begins with the drift:
 
-        >>> from integrators import Splitting
-        >>> verlet = Splitting([("q", "1/2"), ("p", 1), ("q", "1/2")], parts=("p", "q"))
-        >>> symmetric_composition(verlet, "kahan-li8")
+        >>> import bseries as bs
+        >>> verlet = bs.Splitting([("q", "1/2"), ("p", 1), ("q", "1/2")], parts=("p", "q"))
+        >>> bs.methods.symmetric_composition(verlet, "kahan-li8")
         <Splitting kahan-li8 of custom: p, q, 35 stages>
 
     References:
@@ -363,8 +364,8 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
         IntegratorError: `method` is not a method, or `splitting` is not such a splitting method.
 
     Example:
-        >>> from integrators import lie_trotter, method
-        >>> three = adjoint_composition(lie_trotter(["a", "b", "c"]), method("strang"))
+        >>> import bseries as bs
+        >>> three = bs.methods.adjoint_composition(bs.methods.lie_trotter(["a", "b", "c"]), bs.method("strang"))
         >>> [(part, str(x)) for part, x in three.flows]
         [('a', '1/2'), ('b', '1/2'), ('c', '1'), ('b', '1/2'), ('a', '1/2')]
 

@@ -32,7 +32,8 @@ class TwoDerivativeRungeKutta(ProgramMethod):
     Example:
         Taylor's method of order 2:
 
-        >>> print(TwoDerivativeRungeKutta([[0]], [[0]], [1], ["1/2"]))
+        >>> import bseries as bs
+        >>> print(bs.methods.TwoDerivativeRungeKutta([[0]], [[0]], [1], ["1/2"]))
         k1 = h f(y)
         k2 = h f'(y) (k1)
         y1 = y + k1 + 1/2*k2
@@ -76,7 +77,8 @@ class ContinuousStageRungeKutta(ProgramMethod):
     Example:
         The averaged vector field method, y1 = y0 + h ∫ f((1−θ) y0 + θ y1) dθ, has A_τσ = τ:
 
-        >>> print(ContinuousStageRungeKutta([[0], [1]]))
+        >>> import bseries as bs
+        >>> print(bs.methods.ContinuousStageRungeKutta([[0], [1]]))
         k1 = ∫ h f(y + θ (k1)) dθ
         y1 = y + k1
 
@@ -121,7 +123,8 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
     Example:
         Part p at both ends of the step, part q in the middle:
 
-        >>> verlet = GeneralizedAdditiveRungeKutta(
+        >>> import bseries as bs
+        >>> verlet = bs.methods.GeneralizedAdditiveRungeKutta(
         ...     {"p": {"q": [[0], [1]]}, "q": {"p": [["1/2", 0]]}}, {"p": ["1/2", "1/2"], "q": [1]}
         ... )
         >>> print(verlet)
@@ -200,7 +203,8 @@ class LawsonMethod(ProgramMethod):
     Example:
         The Lawson–Euler method y1 = exp(hL) (y0 + h N(y0)):
 
-        >>> print(LawsonMethod(RungeKutta([[0]], [1])))
+        >>> import bseries as bs
+        >>> print(bs.methods.LawsonMethod(bs.RungeKutta([[0]], [1])))
         k1 = h f_N(y)
         k2 = z(1) - z(0), z' = h f_L(z), z(0) = y + k1
         y1 = y + k1 + k2
@@ -275,7 +279,8 @@ class Rosenbrock(ProgramMethod):
     Example:
         The linearly implicit Euler method:
 
-        >>> print(Rosenbrock([[0]], [[1]], [1]))
+        >>> import bseries as bs
+        >>> print(bs.methods.Rosenbrock([[0]], [[1]], [1]))
         k1 = h f(y)
         k2 = h f'(y) (k1 + k2)
         y1 = y + k1 + k2
@@ -316,7 +321,8 @@ class Rosenbrock(ProgramMethod):
             labels: further arguments of the class, by name.
 
         Example:
-            >>> rodas3 = Rosenbrock.from_transformed(
+            >>> import bseries as bs
+            >>> rodas3 = bs.methods.Rosenbrock.from_transformed(
             ...     [[0, 0, 0, 0], [0, 0, 0, 0], [2, 0, 0, 0], [2, 0, 1, 0]],
             ...     [[0, 0, 0, 0], [4, 0, 0, 0], [1, -1, 0, 0], [1, -1, "-8/3", 0]], [2, 0, 1, 1], "1/2")
             >>> [str(b) for b in rodas3.b]
@@ -364,7 +370,8 @@ class WMethod(Rosenbrock):
         IntegratorError: sizes that do not match, an invalid entry, or a nonzero entry above the diagonal.
 
     Example:
-        >>> print(WMethod([[0]], [[1]], [1]))
+        >>> import bseries as bs
+        >>> print(bs.methods.WMethod([[0]], [[1]], [1]))
         k1 = h f_f(y)
         k2 = h f_W'(y) (k1 + k2)
         y1 = y + k1 + k2

@@ -35,7 +35,8 @@ class RungeKuttaNystrom(ProgramMethod):
     Example:
         The Störmer–Verlet method, as a Nyström method with two stages:
 
-        >>> verlet = RungeKuttaNystrom([[0, 0], ["1/2", 0]], ["1/2", 0], ["1/2", "1/2"], [0, 1])
+        >>> import bseries as bs
+        >>> verlet = bs.methods.RungeKuttaNystrom([[0, 0], ["1/2", 0]], ["1/2", 0], ["1/2", "1/2"], [0, 1])
         >>> print(verlet)
         k1 = h f_q(y)
         k2 = h f_p(y)
@@ -99,7 +100,8 @@ class ForceGradient(ProgramMethod):
         IntegratorError: the numbers of coefficients do not match, or a coefficient is invalid.
 
     Example:
-        >>> print(ForceGradient(["1/2", "1/2"], [1], ["1/24"]))
+        >>> import bseries as bs
+        >>> print(bs.methods.ForceGradient(["1/2", "1/2"], [1], ["1/24"]))
         k1 = h f_q(y)
         k2 = h f_p(y + 1/2*k1)
         k3 = h f_q'(y + 1/2*k1) (k2)
@@ -163,7 +165,8 @@ class TakahashiImada(ProgramMethod):
         IntegratorError: α is not a number or formula, or a name is invalid.
 
     Example:
-        >>> print(TakahashiImada(simplified=True))
+        >>> import bseries as bs
+        >>> print(bs.methods.TakahashiImada(simplified=True))
         k1 = h f_p(y)
         k2 = h f_q'(y) (k1)
         k3 = h f_p(y + 1/12*k2)

@@ -41,7 +41,8 @@ class Splitting(ProgramMethod):
         IntegratorError: a pair is invalid, its part is not in `parts`, or its coefficient is not a number or formula.
 
     Example:
-        >>> strang = Splitting([("a", "1/2"), ("b", 1), ("a", "1/2")])
+        >>> import bseries as bs
+        >>> strang = bs.Splitting([("a", "1/2"), ("b", 1), ("a", "1/2")])
         >>> print(strang)
         custom
         <BLANKLINE>
@@ -108,7 +109,8 @@ class NystromSplitting(Splitting):
         IntegratorError: there are not two parts, or the flows are not those of a `Splitting`.
 
     Example:
-        >>> method = NystromSplitting([("q", "1/2"), ("p", 1), ("q", "1/2")])
+        >>> import bseries as bs
+        >>> method = bs.methods.NystromSplitting([("q", "1/2"), ("p", 1), ("q", "1/2")])
         >>> method.flows
         (('q', Fraction(1, 2)), ('p', Fraction(1, 1)), ('q', Fraction(1, 2)))
         >>> method.max_children
@@ -131,7 +133,8 @@ def lie_trotter(parts: Sequence[str] = ("a", "b")) -> Splitting:
     """The Lie–Trotter splitting of order 1: one step of each part, in the order of their names `parts`.
 
     Example:
-        >>> lie_trotter(["a", "b", "c"]).flows
+        >>> import bseries as bs
+        >>> bs.methods.lie_trotter(["a", "b", "c"]).flows
         (('a', Fraction(1, 1)), ('b', Fraction(1, 1)), ('c', Fraction(1, 1)))
 
     References:
@@ -144,7 +147,8 @@ def strang(parts: Sequence[str] = ("a", "b")) -> Splitting:
     """The symmetric Strang splitting of order 2: half steps of the parts in the order of their names, then in reverse.
 
     Example:
-        >>> print([(part, str(x)) for part, x in strang(["a", "b", "c"]).flows])
+        >>> import bseries as bs
+        >>> print([(part, str(x)) for part, x in bs.methods.strang(["a", "b", "c"]).flows])
         [('a', '1/2'), ('b', '1/2'), ('c', '1'), ('b', '1/2'), ('a', '1/2')]
 
     References:

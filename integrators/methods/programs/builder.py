@@ -40,7 +40,8 @@ class ProgramBuilder:
     Example:
         The implicit midpoint rule:
 
-        >>> builder = ProgramBuilder()
+        >>> import bseries as bs
+        >>> builder = bs.ProgramBuilder()
         >>> (k,) = builder.unknowns(1)
         >>> _ = builder.field(builder.y + k / 2, into=k)
         >>> print(builder.program(builder.y + k))
@@ -128,7 +129,8 @@ class ProgramBuilder:
         Example:
             Lawson's Euler method for y' = L y + N(y), L linear:
 
-            >>> builder = ProgramBuilder(["L", "N"])
+            >>> import bseries as bs
+            >>> builder = bs.ProgramBuilder(["L", "N"])
             >>> at = builder.y + builder.field(builder.y, "N")
             >>> builder.program(at + builder.flow(at, "L"), name="lawson", max_children=[[1, 1, 1], [None, None]])
             <Program lawson: 2 evaluations, max_children=((1, 1, 1), (None, None))>

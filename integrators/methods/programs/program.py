@@ -49,11 +49,11 @@ class Method(ImmutableValue):
     A subclass needs only the property `program`, from which all others are derived by default.
 
     Example:
-        >>> from integrators import ProgramBuilder
-        >>> class Heun(Method):
+        >>> import bseries as bs
+        >>> class Heun(bs.methods.Method):
         ...     @property
         ...     def program(self):
-        ...         builder = ProgramBuilder()
+        ...         builder = bs.ProgramBuilder()
         ...         k1 = builder.field(builder.y)
         ...         k2 = builder.field(builder.y + k1)
         ...         return builder.program(builder.y + (k1 + k2) / 2, name="heun")
@@ -85,8 +85,8 @@ class Method(ImmutableValue):
         """The table of the method as a picture: the flows of a splitting, or the evaluations of a program.
 
         Example:
-            >>> from integrators import method
-            >>> print(method("lie-trotter").plot().texts[0].get_text())
+            >>> import bseries as bs
+            >>> print(bs.method("lie-trotter").plot().texts[0].get_text())
             lie-trotter
             <BLANKLINE>
             step  flow of  coefficient of h
@@ -180,8 +180,8 @@ class Method(ImmutableValue):
         10^-decimals.
 
         Example:
-            >>> from integrators import method
-            >>> print(method("gauss2").rational_program(3).result)
+            >>> import bseries as bs
+            >>> print(bs.method("gauss2").rational_program(3).result)
             y + 1/2*k1 + 1/2*k2
         """
         return self.program
@@ -191,8 +191,8 @@ class Program(Method):
     """A one-step method as a program, created and explained by `ProgramBuilder`.
 
     Example:
-        >>> from integrators import ProgramBuilder
-        >>> builder = ProgramBuilder()
+        >>> import bseries as bs
+        >>> builder = bs.ProgramBuilder()
         >>> k1 = builder.field(builder.y)
         >>> k2 = builder.field(builder.y + k1 / 2)
         >>> method = builder.program(builder.y + k2, name="explicit-midpoint")
@@ -259,8 +259,8 @@ class Program(Method):
         Example:
             Two steps of the Störmer–Verlet method for p' = g(q), q' = p:
 
-            >>> from integrators import method, repeat
-            >>> repeat(method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
+            >>> import bseries as bs
+            >>> bs.methods.repeat(bs.method("rkn-verlet"), 2).restricted([[0, None], [1, 0]]).max_children
             ((0, None), (1, 0))
         """
         return self.changed(max_children=max_children)

@@ -60,11 +60,12 @@ def trace(
         IntegratorError: The step does something else with its values; the message quotes the line.
 
     Example:
+        >>> import bseries as bs
         >>> def heun(f, y, h):
         ...     k1 = f(y)
         ...     k2 = f(y + h * k1)
         ...     return y + h / 2 * (k1 + k2)
-        >>> print(trace(heun).program)
+        >>> print(bs.trace(heun).program)
         k1 = h f(y)
         k2 = h f(y + k1)
         y1 = y + 1/2*k1 + 1/2*k2
@@ -72,9 +73,9 @@ def trace(
         ...     y = y + h / 2 * f.p(y)
         ...     y = y + h * f.q(y)
         ...     return y + h / 2 * f.p(y)
-        >>> trace(verlet, parts=["p", "q"])
+        >>> bs.trace(verlet, parts=["p", "q"])
         <Program verlet: 3 evaluations>
-        >>> trace(lambda f, y, h: f.solve(lambda end: y + h * f((y + end) / 2)), name="midpoint")
+        >>> bs.trace(lambda f, y, h: f.solve(lambda end: y + h * f((y + end) / 2)), name="midpoint")
         <Program midpoint: 1 evaluation>
 
     References:

@@ -42,8 +42,9 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
         IntegratorError: the file cannot be read, is not JSON or TOML, or contains no tableau.
 
     Example:
+        >>> import bseries as bs
         >>> import io
-        >>> heun = load_method(io.StringIO('A = [[0, 0], [1, 0]]\\nb = ["1/2", "1/2"]'), "toml")
+        >>> heun = bs.load_method(io.StringIO('A = [[0, 0], [1, 0]]\\nb = ["1/2", "1/2"]'), "toml")
         >>> heun.b
         (Fraction(1, 2), Fraction(1, 2))
     """
@@ -76,12 +77,12 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
         IntegratorError: the format is unknown or the file cannot be written.
 
     Example:
+        >>> import bseries as bs
         >>> import pathlib, tempfile
-        >>> from integrators import method
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pathlib.Path(folder, "gauss3.toml")
-        ...     save_method(method("gauss3"), path)
-        ...     load_method(path) == method("gauss3")
+        ...     bs.save_method(bs.method("gauss3"), path)
+        ...     bs.load_method(path) == bs.method("gauss3")
         True
     """
     if format is None and not _suffix(os.fspath(path)):

@@ -42,9 +42,10 @@ class PartitionedRungeKutta(Method):
     Example:
         The Störmer–Verlet method, kick–drift–kick:
 
-        >>> kick = RungeKutta([["1/2", 0], ["1/2", 0]], ["1/2", "1/2"])
-        >>> drift = RungeKutta([[0, 0], ["1/2", "1/2"]], ["1/2", "1/2"])
-        >>> verlet = PartitionedRungeKutta({"p": kick, "q": drift}, name="stormer-verlet")
+        >>> import bseries as bs
+        >>> kick = bs.RungeKutta([["1/2", 0], ["1/2", 0]], ["1/2", "1/2"])
+        >>> drift = bs.RungeKutta([[0, 0], ["1/2", "1/2"]], ["1/2", "1/2"])
+        >>> verlet = bs.PartitionedRungeKutta({"p": kick, "q": drift}, name="stormer-verlet")
         >>> verlet.is_symplectic, verlet.is_symmetric, verlet.is_explicit, verlet.is_explicit_if_separable
         (True, True, False, True)
 

@@ -46,7 +46,8 @@ class RungeKutta(Method):
         IntegratorError: sizes do not match, or an entry is not a finite real number or formula.
 
     Example:
-        >>> midpoint = RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="explicit-midpoint")
+        >>> import bseries as bs
+        >>> midpoint = bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="explicit-midpoint")
         >>> midpoint.A[1][0], midpoint.c, midpoint.is_explicit
         (Fraction(1, 2), (Fraction(0, 1), Fraction(1, 2)), True)
         >>> print(midpoint)
@@ -118,7 +119,8 @@ class RungeKutta(Method):
         """The tableau as a LaTeX array; long irrational entries are rounded to floats.
 
         Example:
-            >>> print(RungeKutta([[0, 0], ["1/2", 0]], [0, 1]).to_latex())
+            >>> import bseries as bs
+            >>> print(bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1]).to_latex())
             \\begin{array}{c|cc}
             0 & 0 & 0 \\\\
             \\frac{1}{2} & \\frac{1}{2} & 0 \\\\ \\hline
@@ -326,7 +328,8 @@ class RungeKutta(Method):
             IntegratorError: a name is not a parameter, or an entry becomes infinite.
 
         Example:
-            >>> family = RungeKutta([["gamma"]], [1], parameters=["gamma"], name="theta")
+            >>> import bseries as bs
+            >>> family = bs.RungeKutta([["gamma"]], [1], parameters=["gamma"], name="theta")
             >>> family.substitute({"gamma": "1/2"}).A
             ((Fraction(1, 2),),)
         """

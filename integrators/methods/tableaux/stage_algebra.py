@@ -41,9 +41,10 @@ class StageAlgebra(ImmutableValue):
     Example:
         The implicit midpoint rule has the node 1/2, a_11 = 1/2 and b_1 = 1:
 
+        >>> import bseries as bs
         >>> from fractions import Fraction
         >>> half = Fraction(1, 2)
-        >>> StageAlgebra([-half, 1], [[half]], [1]).tableau_exact()
+        >>> bs.methods.StageAlgebra([-half, 1], [[half]], [1]).tableau_exact()
         (((Fraction(1, 2),),), (Fraction(1, 1),), (Fraction(1, 2),))
 
     References:
@@ -233,8 +234,10 @@ class StageAlgebra(ImmutableValue):
         """The nodes: `Fraction`s where rational, radicals for quadratic and biquadratic factors, else ``CRootOf``.
 
         Example:
+            >>> import bseries as bs
             >>> from fractions import Fraction
-            >>> StageAlgebra([Fraction(1, 6), -1, 1], [[0, 0], [1, Fraction(1, 2)]], [1, Fraction(1, 2)]).nodes()
+            >>> half = Fraction(1, 2)
+            >>> bs.methods.StageAlgebra([Fraction(1, 6), -1, 1], [[0, 0], [1, half]], [1, half]).nodes()
             (1/2 - sqrt(3)/6, sqrt(3)/6 + 1/2)
         """
         return tuple(node for node, _ in self._exact_nodes)

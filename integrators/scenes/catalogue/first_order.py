@@ -17,10 +17,10 @@ def riccati() -> Scene:
     return Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]})
 
 
-HARMONIC_OSCILLATOR = ((0, -1), (1, 0))
+ROTATION = ((0, -1), (1, 0))
 
 
-def linear(*, matrix: Any = HARMONIC_OSCILLATOR) -> Scene:
+def linear(*, matrix: Any = ROTATION) -> Scene:
     """y' = A y, from y = (1, …, 1).
 
     Args:
@@ -137,8 +137,8 @@ def lorenz() -> Scene:
 SCENES = (
     SceneEntry("riccati", riccati, "y' = y², with the solution 1/(1 − t)",
         "HLW, example IX.1.1; E. Hairer, lecture on long-time behaviour, example 1 and figure 1"),
-    SceneEntry("linear", linear, "y' = A y with any matrix A; the harmonic oscillator if none is given",
-        "E. Hairer, lecture on long-time behaviour, example 3", aliases=("harmonic-oscillator",)),
+    SceneEntry("linear", linear, "y' = A y with any matrix A; a rotation of the plane if none is given",
+        "E. Hairer, lecture on long-time behaviour, example 3"),
     SceneEntry("nonlinear-oscillator", nonlinear_oscillator,
         "a rotation with angular velocity 1/|u|², which keeps |u|²",
         "H. Ranocha, D. I. Ketcheson, SIAM J. Numer. Anal. 58 (2020), doi:10.1137/19M1290346"),

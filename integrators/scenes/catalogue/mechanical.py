@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     import sympy
 
 
+def harmonic_oscillator() -> Scene:
+    """H = (p² + ω² q²)/2, from (p, q) = (0, 1) with ω = 1: q = cos t."""
+    return Scene(
+        {"p": 1, "q": 1},
+        hamiltonian="(p^2 + omega^2*q^2)/2",
+        parameters={"omega": 1},
+        start={"p": [0], "q": [1]},
+    )
+
+
 def pendulum() -> Scene:
     """H = p²/2 − cos q, with mass, length and gravity 1."""
     return Scene(
@@ -184,8 +194,10 @@ def magnetic_dipole() -> Scene:
 
 
 SCENES = (
+    SceneEntry("harmonic-oscillator", harmonic_oscillator, "the harmonic oscillator with the frequency ω",
+        "L. D. Landau, E. M. Lifshitz, Mechanics, §21; HLW, section I.5.2 (its integrators)"),
     SceneEntry("pendulum", pendulum, "the mathematical pendulum",
-        "HLW, section I.1.2; E. Hairer, lecture on long-time behaviour, example 4 and section 4"),
+        "HLW, section I.1.3; E. Hairer, lecture on long-time behaviour, example 4 and section 4"),
     SceneEntry("double-pendulum", double_pendulum, "two pendulums, one hanging from the other: chaotic at large angles",
         "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)"),
     SceneEntry("henon-heiles", henon_heiles,

@@ -37,10 +37,10 @@ class SceneEntry(NamedTuple):
         bodies: Names of the particles, in their order, for given effects, where these change the number of particles.
 
     Example:
-        >>> from integrators import parse_hamiltonian
+        >>> import bseries as bs
         >>> def quartic(*, k=1):
-        ...     return parse_hamiltonian("p^2/2 + k*q^4/4", parameters={"k": k}, start="p=0; q=1")
-        >>> entry = SceneEntry("quartic", quartic, "a quartic oscillator", "G. Duffing, 1918")
+        ...     return bs.parse_hamiltonian("p^2/2 + k*q^4/4", parameters={"k": k}, start="p=0; q=1")
+        >>> entry = bs.integrators.SceneEntry("quartic", quartic, "a quartic oscillator", "G. Duffing, 1918")
         >>> entry.options, entry.build(k=2).field
         ({'k': 1}, (-2*q**3, p))
     """
@@ -130,7 +130,8 @@ def scene_catalogue() -> SceneCatalogue:
     """The catalogue of scenes: a tuple with an entry for each of them, none of them built.
 
     Example:
-        >>> [entry.name for entry in scene_catalogue() if "pendulum" in entry.name]
+        >>> import bseries as bs
+        >>> [entry.name for entry in bs.scene_catalogue() if "pendulum" in entry.name]
         ['pendulum', 'double-pendulum']
     """
     return SceneCatalogue(REGISTER.entries)
@@ -149,7 +150,8 @@ def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any)
         IntegratorError: The scene, or an effect, option or parameter is unknown.
 
     Example:
-        >>> scene("pendulum", effects=["damping"], gamma="1/5").field
+        >>> import bseries as bs
+        >>> bs.scene("pendulum", effects=["damping"], gamma="1/5").field
         (-p/5 - sin(q), p)
     """
     entry = find_entry(name)

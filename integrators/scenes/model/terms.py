@@ -75,8 +75,9 @@ class Term(ImmutableValue):
         IntegratorError: Not exactly one of `hamiltonian` and `field` is given, or `over` is invalid.
 
     Example:
-        >>> spring = Term(over="ring", hamiltonian="exp(q_i - q_j)")
-        >>> drag = Term(over="each", field={"p_i": "-gamma*p_i"})
+        >>> import bseries as bs
+        >>> spring = bs.Term(over="ring", hamiltonian="exp(q_i - q_j)")
+        >>> drag = bs.Term(over="each", field={"p_i": "-gamma*p_i"})
     """
 
     over: str | tuple[tuple[int, ...], ...]
@@ -169,7 +170,8 @@ class Effect(ImmutableValue):
         IntegratorError: It adds nothing, or an argument has the wrong type.
 
     Example:
-        >>> damping = Effect(field={"p": "-gamma*p"}, parameters={"gamma": "1/10"}, summary="linear friction")
+        >>> import bseries as bs
+        >>> damping = bs.Effect(field={"p": "-gamma*p"}, parameters={"gamma": "1/10"}, summary="linear friction")
     """
 
     def __init__(

@@ -38,6 +38,15 @@ def test_the_counter_example_of_the_lecture(drift):
     assert drift("takahashi-imada", *ASYMMETRIC[1:])["verdict"] == "bounded"
 
 
+@pytest.mark.parametrize(("method", "verdict"), [("stormer-verlet", "bounded"), ("rk4", "linear drift")])
+def test_the_harmonic_oscillator(drift, method, verdict):
+    """|R(iy)|² = 1 − y⁶/72 + … for rk4, so that H = 1/2 changes by −h⁵/144 in a unit of time."""
+    data = drift(method, "--scene", "harmonic-oscillator", "--step", "0.01")
+    assert data["verdict"] == verdict
+    if verdict == "linear drift":
+        assert float(data["slope"]) == pytest.approx(-(0.01**5) / 144)
+
+
 def test_json_says_what_the_library_computes(drift):
     report = bs.energy_drift(bs.method("rk4"), bs.scene("pendulum"), 6, y0=[2.5, 0], h=0.1)
     data = drift("rk4", "--scene", "pendulum", "--start", "p=5/2;q=0", "--step", "1/10", "--order", "6")

@@ -30,7 +30,8 @@ def hamiltonian(answer):
 
     def read(*arguments: str):
         data = json.loads(answer("hamiltonian", *arguments, "--format", "json"))
-        return data, {term["power"]: formula(term["hamiltonian"], data["variables"]) for term in data["terms"]}
+        names = (*data["variables"], "omega")
+        return data, {term["power"]: formula(term["hamiltonian"], names) for term in data["terms"]}
 
     return read
 
@@ -69,6 +70,26 @@ def test_all_routes_agree(hamiltonian, route):
     assert data["route"] == route
     assert same(terms[2], formula(KICK_DRIFT_KICK["h^2"]))
     assert same(terms[4], formula(KICK_DRIFT_KICK["h^4"]))
+
+
+def test_the_harmonic_oscillator(hamiltonian):
+    """Steps of Störmer–Verlet turn by ψ with cos ψ = 1 − x²/2, x = hω, and those of the midpoint rule by 2 arctan x/2.
+
+    What turns p + iωq by ψ is H̃ = ψ/x · H; for kick–drift–kick p² + ω² (1 − x²/4) q² takes the place of p² + ω² q².
+    """
+    p, q, omega, x = *sympy.symbols("p q omega"), sympy.Symbol("x", positive=True)
+    exact = {
+        "stormer-verlet": sympy.acos(1 - x**2 / 2) / (2 * x * sympy.sqrt(1 - x**2 / 4))
+        * (p**2 + omega**2 * (1 - x**2 / 4) * q**2),
+        "implicit-midpoint": sympy.atan(x / 2) / x * (p**2 + omega**2 * q**2),
+    }  # fmt: skip
+    for method, closed in exact.items():
+        data, terms = hamiltonian(method, "--scene", "harmonic-oscillator", "--parameter", "omega=omega")
+        assert data["variables"] == ["p", "q"]
+        taylor = sympy.expand(sympy.series(closed, x, 0, 6).removeO())
+        for k, term in terms.items():
+            assert sympy.expand(term - taylor.coeff(x, k) * omega**k) == 0
+        assert terms[2] != 0
 
 
 def test_poisson_systems(hamiltonian):

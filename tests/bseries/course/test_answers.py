@@ -79,6 +79,32 @@ def test_there_is_a_wrong_answer_to_each_question():
         ("9c = 0, 0, 0; 1/2, 0, 0; 1/2, 0, 0; 0, 1/2, 1/2", "tested on all trees with up to 6 nodes"),
         ("12c = 1/8, 0; 1/4, 3/8; 1/4, 3/4", "tested on all trees with up to 6 nodes"),
         ("1d = No # by symmetry", ""),
+        ("1d = No.", ""),
+        ("12b = no, yes, yes, no, yes, no.", ""),
+        # as the sheets print it
+        ("1b = y² + ¼h²y⁴ + ⅛h⁴y⁶", "equal exactly"),
+        ("2a = p − ln p + q − 2 ln q", "equal exactly"),
+        ("2a = p - ln(p) + q - 2ln(q)", "equal exactly"),
+        ("3a = r (p₂ cos φ − p₁ sin φ)", "equal exactly"),
+        ("3b = ½(p_r² + p_φ²/r²) − 1/r", "equal exactly"),
+        ("3c = ½P² e^(−2Q) − e^(−Q)", "equal exactly"),
+        ("3c = P^2*e^(-2*Q)/2 - e^-Q", "equal exactly"),
+        ("4a = 2a + a² sin⁴θ", "equal exactly"),
+        ("5b = (I ln I − (I−h) ln(I−h))/h − 1", "equal exactly"),
+        ("6a = sin x cos z + sin y cos x + sin z cos y", "equal exactly"),
+        ("7b = (θ² − θ + ⅓) f'f'f + (½θ² − ½θ + 1/12) f″(f,f)", "equal exactly"),
+        ("7c = 1/√4", "equal exactly"),
+        ("8b = (2/h) arctan(hω/2)", "equal exactly"),
+        ("13b = 5.00·10⁷", "equal to 3 digits"),
+        ("13c = e^0.1", "equal to 4 digits"),
+        ("14c = (cos 2q − 2p² cos q)/48", "equal exactly"),
+        ("16a = 6πε", "equal exactly"),
+        ("9c = 0, 0; ½, 0; 0, 1", "tested on all trees with up to 6 nodes"),
+        (
+            "12e = 1/(2-∛2)/2, 0, 0; 1/(2-∛2), 1/(2-∛2)/2, 0; 1/(2-∛2), 1/(2-∛2), (1-2/(2-∛2))/2; 1/(2-∛2), 1/(2-∛2), "
+            "1-2/(2-∛2)",
+            "tested on all trees with up to 6 nodes",
+        ),
         ("6c = YES,no", ""),
     ],
 )
@@ -111,6 +137,55 @@ def test_what_is_nearly_right_is_not(text):
 @pytest.mark.parametrize(
     ("text", "remark"),
     [
+        ("4c = 0.1667", "agrees to 4 digits"),
+        ("4c = 0.166666666666667", "agrees to 15 digits"),
+        ("15b = 1/6, 0.0138889", "entry 2: agrees to 6 digits"),
+        ("15a = 0.25*gamma - 0.0416666666666667, 1/12", "entry 1: agrees to 15 digits"),
+        ("14c = 0.0208333*(cos(2*q) - 2*p^2*cos(q)) + 7", "agrees to 5 digits"),
+        ("9b = -0.166667*(f''(f,f) + f'f'f)", "agrees to 5 digits"),
+        ("11a = 0.75, -0.416666666666667; 0.75, 0.25; 0.75, 0.25", "is right to 15 digits"),
+        ("12e = 0.675603595979829, 0, 0; 1.35120719195966, 0.675603595979829, 0; 1.35120719195966, 1.35120719195966, "
+         "-0.851207191959658; 1.35120719195966, 1.35120719195966, -1.70241438391932", "is right to 15 digits"),
+    ],
+)  # fmt: skip
+def test_rounded_answers_are_told_that_an_exact_one_is_asked_for(text, remark):
+    answer = only(text)
+    assert (answer.verdict, answer.remark) == ("wrong", f"{remark}, but an exact answer is asked for")
+
+
+@pytest.mark.parametrize(
+    ("text", "remark"),
+    [
+        ("4c = 0.1677", "differs"),
+        ("4c = 0.17", "differs"),
+        ("15a = 0.24*gamma - 0.0416666666666667, 1/12", "entry 1: differs"),
+        ("14c = -0.0208333*(cos(2*q) - 2*p^2*cos(q))", "differs"),
+        ("11a = 0.75, -0.416666666676667; 0.75, 0.25; 0.75, 0.25", "is another method"),
+        (
+            "12e = 0.6756, 0, 0; 1.3600, 0.6756, 0; 1.3600, 1.3600, -0.8512; 1.3600, 1.3600, -1.7024",
+            "has order 0, not 3",
+        ),
+    ],
+)
+def test_digits_that_are_wrong_are_not_taken_for_rounded_ones(text, remark):
+    answer = only(text)
+    assert answer.verdict == "wrong"
+    assert answer.remark.startswith(remark)
+    assert "exact" not in answer.remark
+
+
+@pytest.mark.parametrize(
+    ("text", "remark"),
+    [
+        (
+            "14a = lg(p)",
+            "(known: p, q, h, sqrt, cbrt, root, sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, asinh, "
+            "acosh, atanh, exp, log, erf, pi)",
+        ),
+        ("4b = 3/8a^2", "'3/8a^2' has 'a' where an operator is expected"),  # (3/8) a² or 3/(8a²)?
+        ("3c = e^-2Q", "has 'Q' where an operator is expected"),
+        ("8b = atan h*omega/2", "has 'h' where '(' is expected"),
+        ("1d = no, by symmetry", "1d must be yes or no; but was 'no, by symmetry'"),
         ("14a = 9**9**9", "has a power of more than 4000 digits"),
         ("14a = " + "exp(" * 60 + "p" + ")" * 60, "more than 6 roots, powers or functions within each other"),
         ("14a = " + "(" * 200 + "p" + ")" * 200, "is nested more than 100 deep"),

@@ -92,6 +92,8 @@ CASES = [
     ("nonlinear-oscillator", {}, "gauss2", 5),
     ("lotka-volterra", {}, "rk4", 5),
     ("lotka-volterra", {}, "symplectic-euler-p", 4),
+    ("harmonic-oscillator", {}, "stormer-verlet", 5),
+    ("harmonic-oscillator", {"omega": 2}, "rk4", 5),
     ("pendulum", {}, "explicit-euler", 5),
     ("pendulum", {"effects": ["asymmetry", "damping", "drive"]}, "rk4", 5),
     ("pendulum", {"effects": ["asymmetry", "damping", "drive"]}, "stormer-verlet", 5),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import combinations, pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -277,6 +278,9 @@ class TestAnimations:
 
     def test_which_figures_move(self):
         assert [name for name in figure_names() if hasattr(figure_file(name), "frames")] == list(self.MOVING)
+        page = (Path(__file__).parents[3] / "docs" / "howto" / "draw-figures.md").read_text(encoding="utf-8")
+        paragraph = page.partition("## Animations\n")[2].partition("```")[0]
+        assert sorted(re.findall(r"`([a-z-]+)`", paragraph)) == sorted(self.MOVING)
 
     @pytest.mark.few(1)
     @pytest.mark.parametrize("name", MOVING)

@@ -116,7 +116,7 @@ REFUSED = {
     "1;2": "has ';'",
     "1\\2": "position 2",
     '"1"': "has '\"'",
-    "gamma": "unknown name 'gamma' \\(known: sqrt, cbrt, root, cos, sin, tan\\)",
+    "gamma": "unknown name 'gamma' \\(known: sqrt, cbrt, root, cos, sin, tan, pi\\)",
     "eval(1)": "unknown name 'eval'",
     "exp(1)": "unknown name 'exp'",
     "sin(1)": "of something else than a rational multiple of pi",

@@ -32,6 +32,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "lorenz": ("x y z", ()),
     "kepler": ("p1 p2 q1 q2", ORBIT),
     "perturbed-kepler": ("p1 p2 q1 q2", ORBIT),
+    "harmonic-oscillator": ("p q", ()),
     "pendulum": ("p q", ("asymmetry", "damping", "drive")),
     "double-pendulum": ("p1 p2 q1 q2", ()),
     "henon-heiles": ("p1 p2 q1 q2", ()),
@@ -102,7 +103,7 @@ def test_every_effect_changes_the_field(name: str, effect: str | None):
 @pytest.mark.parametrize(
     ("alias", "name"),
     [
-        ("Harmonic oscillator", "linear"),
+        ("Harmonic oscillator", "harmonic-oscillator"),
         ("predator_prey", "lotka-volterra"),
         ("Hénon–Heiles", "henon-heiles"),
         ("Euler-Top", "rigid-body"),
@@ -217,6 +218,7 @@ def tumbling(t: Any) -> list[Any]:
 SOLUTIONS: dict[str, Callable[[Any], list[Any]]] = {
     "riccati": lambda t: [1 / (1 - t)],
     "linear": lambda t: [mpmath.cos(t) - mpmath.sin(t), mpmath.cos(t) + mpmath.sin(t)],
+    "harmonic-oscillator": lambda t: [-mpmath.sin(t), mpmath.cos(t)],
     "nonlinear-oscillator": lambda t: [mpmath.cos(t), mpmath.sin(t)],
     "field-nijhoff": lambda t: [2 * mpmath.exp(-t / 4) - 1, 2 * mpmath.exp(t / 4) - 1],
     "kepler": orbit,
