@@ -1,11 +1,12 @@
 """Whether a quantity W, sampled along a run, drifts: a line, a random walk, or a band whose variance is saturated.
 
-Take W = m t + a Brownian motion of variance 2Dt over a time T. The part of W that vanishes at both ends has independent
-coefficients in sines of πkt/T, all of the variance 2DT/(πk)², and they do not depend on W(T) − W(0): so the ratio of
-the line to the first K of them has Student's distribution. The same holds for the cosines of W with m = 0 (both are
-Karhunen–Loève expansions). A line therefore has a large ratio, a walk has coefficients that are equal in size after
-multiplication by k, and a bounded quantity has hardly any of its variance in its slowest waves. Fast oscillations would
-enter by the ends of the run. They are removed by averages with a smooth window, whose width is 1/64 of the run.
+Take W = m t + a Brownian motion of variance 2Dt over a time T. The part that vanishes at both ends has independent
+coefficients in sines of πkt/T, of the variance 2DT/(πk)², and does not depend on W(T) − W(0). So it gives D and the
+standard error of m, and a walk stays close to the line between its ends with a known, small probability. Without the
+line, the coefficients of W in cosines have the same variance and are independent, too. (Both are Karhunen–Loève
+expansions.) Multiplied by πk, those of a walk are thus equal in size; a bounded quantity has hardly any of its variance
+in the slowest waves; in slow oscillations, single ones stand out. Fast oscillations would enter by the ends of the run.
+They are removed by averages with a smooth window, whose width is 1/64 of the run.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ RANKS = (BOUNDED, UNSEEN, SQUARE_ROOT, LINEAR, UNSTEADY)
 """From the verdict that claims least change to the one that claims most."""
 LEAST_VALUES = 512
 TINY = 1e-300
-PIECES = 16  # of a run, between which a rise goes one way
+PIECES = 16  # of a run, between which changes are added up
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,9 @@ class Thresholds:
 
     waves: int = 64  # number of sines or cosines
     slow: int = 8  # number of the slowest ones: the longest waves last a quarter of the run
-    significant: float = 7.1  # a walk exceeds so many standard errors with probability 1e-4, by Student's t with 8
-    one_way: float = 0.95  # least part of the rise in all changes between 16 parts of the run, if it goes one way
+    bend: float = 0.128  # largest distance from a line, as a part of its rise; less with probability 1e-4 in a walk
+    one_way: float = 0.95  # least part of the rise in all changes between pieces of the run, if it goes one way
+    event: float = 0.5  # largest part of a piece in the variances within pieces, if no single event decides
     saturated: float = 0.05  # largest part of the variance in slow waves: ten times as long a walk stays invisible
     growth: float = 5.0  # 2D from slow waves and from faster ones agree up to this factor; 1 % of walks do not
     evenness: float = 2.0  # log of the arithmetic by the geometric mean; 1.27 ± 0.21 for 64 squares of a walk
@@ -54,7 +56,10 @@ class DriftStatistics(NamedTuple):
     slow: float  # the part of the variance in slow waves
     growth: float  # D from slow waves by D from the others
     evenness: float  # of the squares of waves
-    one_way: float  # the rise by the sum of all changes between parts of the run
+    bend: float  # the largest distance from the line between the ends, as a part of its rise
+    one_way: float  # the rise as a part of all changes between pieces of the run
+    event: float  # the largest part of a piece in the sum of variances within pieces
+    end: float  # the value at the end, less that at the start
     low: float  # the least value, less that at the start
     high: float  # the largest
 
@@ -67,18 +72,18 @@ class DriftStatistics(NamedTuple):
     def kind(self) -> str:
         """``"linear drift"``, ``"unsteady drift"``, ``"bounded"``, ``"square-root drift"`` or ``"no drift seen"``.
 
-        A drift is unsteady if W goes one way, but along no line. A walk is one if its slow waves are as large as the
-        increments of a walk make them, and no line or period stands out.
+        A drift is unsteady if W goes one way, but along no line, or if W does not come back from a single event. A walk
+        is one if its slow waves are as large as the increments of a walk make them, and no wave stands out.
         """
         limits = THRESHOLDS
-        if abs(self.mean) > limits.significant * self.error:
+        if self.mean and self.bend < limits.bend:
             return LINEAR
-        if self.low == self.high:
+        if self.event > limits.event:
+            return UNSTEADY if abs(self.end) > self.amplitude else UNSEEN
+        if self.slow < limits.saturated:
             return BOUNDED
         if self.one_way > limits.one_way:
             return UNSTEADY
-        if self.slow < limits.saturated:
-            return BOUNDED
         is_even = 1 / limits.growth < self.growth < limits.growth and self.evenness < limits.evenness
         return SQUARE_ROOT if is_even else UNSEEN
 
@@ -95,7 +100,8 @@ def drift_statistics(values: np.ndarray, dt: float, rounding: float = 0.0) -> Dr
         SeriesError: There are fewer than 512 values, or one is not finite.
 
     References:
-        U. K. Müller, J. Econometrics 141 (2007) 1331–1352 (the ratio in sines and cosines).
+        U. K. Müller, J. Econometrics 141 (2007) 1331–1352 (means and their errors from cosines of the rate, which
+        are sines of its integral).
     """
     if len(values) < LEAST_VALUES:
         raise SeriesError(f"values must be {LEAST_VALUES} or more to tell drifts apart, but were {len(values)}")
@@ -105,34 +111,31 @@ def drift_statistics(values: np.ndarray, dt: float, rounding: float = 0.0) -> Dr
     time, low, high = (len(values) - 1) * dt, float(changes.min()), float(changes.max())
     size = max(high, -low)
     if size <= rounding:
-        return DriftStatistics(time, *[0.0] * 10)
+        return DriftStatistics(time, *[0.0] * 13)
     changes = changes / size  # squares neither overflow nor vanish
     w, width = _averages(changes)
-    length = (len(values) - width) * dt
-    tau = np.linspace(0, 1, len(w))
-    k = np.arange(1, THRESHOLDS.waves + 1)
-    rise, few = w[-1] - w[0], THRESHOLDS.slow
-    x = k * width / (2 * (len(values) - width))
-    scale = np.pi * k * (1 - x**2) / np.sinc(x)  # restores what the window takes from waves
-    sines = scale * _coefficients(np.sin, k, tau, w - w[0] - rise * tau)
-    cosines = scale * _coefficients(np.cos, k, tau, w)
-    squares = cosines**2
-    error = float(np.sqrt(np.mean(sines[:few] ** 2)))
-    steps = np.abs(np.diff(w[:: len(w) // PIECES])).sum()
-    rest = squares[few:].mean()
+    rise, length = w[-1] - w[0], (len(values) - width) * dt
     least = THRESHOLDS.least_mean * length / dt * np.sqrt(np.mean(np.diff(changes) ** 2))
-    to_rate = size / length
-    diffusion = float(np.mean(sines**2) / 2 * size * to_rate)
+    mean = float(rise) if abs(rise) > max(least, rounding / size) else 0.0
+    sines, cosines, parts = _waves(w, width / (len(values) - width))
+    few, rest = THRESHOLDS.slow, np.mean(cosines[THRESHOLDS.slow :])
+    away = np.abs(w - w[0] - rise * np.linspace(0, 1, len(w))).max()
+    changed = np.abs(np.diff(w[:: len(w) // PIECES])).sum()
+    within = np.array([piece.var() for piece in np.array_split(changes, PIECES)])
+    diffusion = float(np.mean(sines) / 2 * size * size / length)
     return DriftStatistics(
         time,
-        float(rise * to_rate) if abs(rise) > max(least, rounding / size) else 0.0,
-        error * to_rate,
+        mean * size / length,
+        float(np.mean(sines[:few])) ** 0.5 * size / length,
         diffusion,
         diffusion * (2 / THRESHOLDS.waves) ** 0.5,
-        float((squares / (np.pi * k) ** 2)[:few].sum() / changes.var()),
-        float(squares[:few].mean() / rest) if rest else 0.0,
-        float(np.log(squares.mean()) - np.log(np.maximum(squares, TINY)).mean()) if rest else 0.0,
-        float(abs(rise) / steps) if steps else 0.0,
+        float(parts[:few].sum() / changes.var()),
+        float(np.mean(cosines[:few]) / rest) if rest else 0.0,
+        float(np.log(np.mean(cosines)) - np.log(np.maximum(cosines, TINY)).mean()) if rest else 0.0,
+        float(away / abs(rise)) if rise else 0.0,
+        float(abs(rise) / changed) if changed else 0.0,
+        float(within.max() / within.sum()),
+        float(changes[-1] * size),
         low,
         high,
     )
@@ -148,8 +151,17 @@ def _averages(values: np.ndarray) -> tuple[np.ndarray, int]:
     return np.array([window @ values[at : at + width] for at in starts]), width
 
 
-def _coefficients(wave: np.ufunc, k: np.ndarray, tau: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The coefficients of values on [0, 1] in √2 times sines or cosines of πkτ."""
-    weights = np.full(len(tau), 2**0.5 / (len(tau) - 1))  # of the trapezoidal rule
+def _waves(w: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The squares of the coefficients of averages in sines and cosines, times (πk)²; and those in cosines without it.
+
+    The sines are those of w less the line between its ends. In Hann's window, of this width relative to the run, waves
+    lose a factor, which is restored.
+    """
+    tau, k = np.linspace(0, 1, len(w)), np.arange(1, THRESHOLDS.waves + 1)
+    weights = np.full(len(w), 2**0.5 / (len(w) - 1))  # of the trapezoidal rule
     weights[[0, -1]] /= 2
-    return wave(np.pi * np.outer(k, tau)) @ (weights * values)
+    x = k * width / 2
+    scale, phases = (1 - x**2) / np.sinc(x), np.pi * np.outer(k, tau)
+    sines = scale * (np.sin(phases) @ (weights * (w - w[0] - (w[-1] - w[0]) * tau)))
+    cosines = scale * (np.cos(phases) @ (weights * w))
+    return (np.pi * k * sines) ** 2, (np.pi * k * cosines) ** 2, cosines**2
