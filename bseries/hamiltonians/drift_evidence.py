@@ -14,6 +14,7 @@ from bseries.hamiltonians.drift_statistics import (
     LINEAR,
     RANKS,
     SQUARE_ROOT,
+    THRESHOLDS,
     UNSEEN,
     UNSTEADY,
     DriftStatistics,
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 
 CHUNK = 8192  # number of states of a run in memory at a time
-EXPLAINED = 0.5
-"""Largest part of the deviation of the energy that predictions leave: they explain three quarters of its variance."""
-ROUNDINGS = 8.0  # rounding errors of the energy in a step, in units of roundoff; they add up like a random walk
 
 
 class Leading(NamedTuple):
@@ -43,8 +41,16 @@ class Leading(NamedTuple):
     @property
     def name(self) -> str:
         """The term, as text."""
-        k = self.power
-        return f"the term with h^{k}" if self.hamiltonian is None else f"-h{f'^{k}' if k > 1 else ''} H_{k + 1}"
+        return f"the term with h^{self.power}" if self.hamiltonian is None else f"-h^{self.power} H_{self.power + 1}"
+
+    @property
+    def formula(self) -> str:
+        """The term in a picture."""
+        return (
+            f"term with $h^{{{self.power}}}$"
+            if self.hamiltonian is None
+            else f"$-h^{{{self.power}}} H_{{{self.power + 1}}}$"
+        )
 
 
 class Evidence(NamedTuple):
@@ -75,7 +81,7 @@ class Evidence(NamedTuple):
     @property
     def is_explained(self) -> bool:
         """Whether the modified equation explains the changes of the energy, or these are only rounding errors."""
-        return self.energy is not None and (self.left < EXPLAINED or self.energy.low == self.energy.high)
+        return self.energy is not None and (self.left < THRESHOLDS.explained or self.energy.low == self.energy.high)
 
     @property
     def predicted(self) -> str:
@@ -181,7 +187,7 @@ def run_evidence(
         return Evidence(h, (int(np.argmin(finite)) - 1) * abs(h))
     if failure is not None:
         raise failure
-    rounding = ROUNDINGS * float(np.finfo(float).eps) * len(finite) ** 0.5 * float(scale)
+    rounding = THRESHOLDS.roundings * float(np.finfo(float).eps) * len(finite) ** 0.5 * float(scale)
     at = len(table) - len(wanted)
     integrals = dict(zip(wanted, (_integral(row, abs(h)) for row in table[at:]), strict=True))
     evidence = Evidence(h, steps * abs(h), leading=leading, rounding=rounding)

@@ -39,7 +39,9 @@ class Thresholds:
     saturated: float = 0.05  # largest part of the variance in slow waves: ten times as long a walk stays invisible
     growth: float = 5.0  # 2D from slow waves and from faster ones agree up to this factor; 1 % of walks do not
     evenness: float = 2.0  # log of the arithmetic by the geometric mean; 1.27 ± 0.21 for 64 squares of a walk
+    explained: float = 0.5  # largest part of the deviation of the energy that predictions leave
     least_mean: float = 1e-12  # part of the root mean square of a rate that rounding can fake as a mean
+    roundings: float = 8.0  # rounding errors of the energy in a step, in units of roundoff; they add up like a walk
 
 
 THRESHOLDS = Thresholds()
@@ -59,6 +61,7 @@ class DriftStatistics(NamedTuple):
     bend: float  # the largest distance from the line between the ends, as a part of its rise
     one_way: float  # the rise as a part of all changes between pieces of the run
     event: float  # the largest part of a piece in the sum of variances within pieces
+    deviation: float  # the standard deviation of the values
     end: float  # the value at the end, less that at the start
     low: float  # the least value, less that at the start
     high: float  # the largest
@@ -111,7 +114,7 @@ def drift_statistics(values: np.ndarray, dt: float, rounding: float = 0.0) -> Dr
     time, low, high = (len(values) - 1) * dt, float(changes.min()), float(changes.max())
     size = max(high, -low)
     if size <= rounding:
-        return DriftStatistics(time, *[0.0] * 13)
+        return DriftStatistics(time, *[0.0] * 14)
     changes = changes / size  # squares neither overflow nor vanish
     w, width = _averages(changes)
     rise, length = w[-1] - w[0], (len(values) - width) * dt
@@ -135,6 +138,7 @@ def drift_statistics(values: np.ndarray, dt: float, rounding: float = 0.0) -> Dr
         float(away / abs(rise)) if rise else 0.0,
         float(abs(rise) / changed) if changed else 0.0,
         float(within.max() / within.sum()),
+        float(changes.std() * size),
         float(changes[-1] * size),
         low,
         high,

@@ -203,7 +203,7 @@ class DriftReport(NamedTuple):
                 draw_band(axes, run.observed_t, -deviation, deviation, "± 2 deviations")
             elif (found := self.evidence) is not None and found.leading is not None and found.band is not None:
                 scale = (h / found.h) ** found.leading.power
-                for end, label in zip(found.band, (f"predicted: range of {found.leading.name}", None), strict=True):
+                for end, label in zip(found.band, (f"range of {found.leading.formula}", None), strict=True):
                     axes.axhline(scale * end, color=BLACK, linestyle="--", linewidth=0.8, label=label)
             draw_legend(axes)
             method = self.perturbation.field.label.removeprefix(MODIFIED)

@@ -15,7 +15,7 @@ import sympy
 
 import bseries as bs
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.hamiltonians.energy_drift import energy_drift, rate_statistics
+from bseries.hamiltonians.energy_drift import energy_drift
 from bseries.hamiltonians.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
 from foundation.table import PRINT_WIDTH
@@ -490,26 +490,6 @@ def test_chaos_makes_a_random_walk():
         assert gains.std() == pytest.approx(report.deviation(run.t[-1] / blocks), rel=0.5)
 
 
-def test_statistics_of_a_process_with_memory():
-    """x' = a x + noise has correlations a^k/(1 − a²), so that D = dt/(1 − a)²/2."""
-    random, a, dt = np.random.default_rng(3), 0.9, 0.1
-    noise, x = random.standard_normal(2**17), np.zeros(2**17)
-    for n in range(1, len(x)):
-        x[n] = a * x[n - 1] + noise[n]
-    found = rate_statistics(x, dt)
-    assert found.kind == "square-root drift"
-    assert found.diffusion == pytest.approx(dt / (1 - a) ** 2 / 2, rel=0.3)
-    assert found.error == pytest.approx(1 / (1 - a) / len(x) ** 0.5, rel=0.4)
-    assert rate_statistics(x + 0.5, dt).kind == "linear drift"
-    assert rate_statistics(np.zeros(2**10), dt).kind == "bounded"
-    assert rate_statistics(np.exp(-0.01 * np.arange(2**13)), dt).kind == "undecided"
-    assert rate_statistics(np.sin(1e-3 * np.arange(2**13)), dt).kind == "undecided"
-    with pytest.raises(bs.SeriesError, match="rates must be 512 or more to tell drifts apart, but were 9"):
-        rate_statistics(np.ones(9), dt)
-    with pytest.raises(bs.SeriesError, match="rates must be finite, but one was not"):
-        rate_statistics(np.full(600, np.nan), dt)
-
-
 def test_the_field_of_rk4_on_kepler_is_hamiltonian_at_h4():
     """Not for every H, but for this one: seen in formulas, and in the compiled field by differences."""
     scene = bs.scene("kepler")
@@ -567,8 +547,9 @@ def test_reports_of_trajectories():
     data = json.loads(json.dumps(report.to_dict()))
     assert data["statistics"][0]["power"] == 4
     assert "rate" not in data
-    assert re.search(r"\nmean of dH~/dt at h\^4 +\S+ ± \S+ over t = 5.12: ", str(report))
-    assert re.search(r"\nvariance of its integral over t +2 D t with D = \S+ ± \S+\n", str(report))
+    assert re.search(r"\nmean of dH~/dt at h\^4 +\S+ ± \S+ over t = 10\n", str(report))
+    assert re.search(r"\nchange of the energy over t = 10 +\S+ to \S+\n", str(report))
+    assert set(data["run"]["energy"]) == set(data["statistics"][0]) - {"power"}
 
 
 @pytest.mark.parametrize(
