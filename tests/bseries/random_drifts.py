@@ -97,8 +97,9 @@ def fault(short: bs.hamiltonians.DriftReport, long: bs.hamiltonians.DriftReport)
 
 def judged(case: Case) -> tuple[bs.hamiltonians.DriftReport, str]:
     """The verdict on a case, and what is wrong with it."""
+    y0 = case.scene.y0
     short, long = (
-        bs.energy_drift(case.method, case.scene, h=case.h, steps=n) for n in (case.steps, LONGER * case.steps)
+        bs.energy_drift(case.method, case.scene, y0=y0, h=case.h, steps=n) for n in (case.steps, LONGER * case.steps)
     )
     return short, _fault_of_slope(case, short) if short.evidence is None else fault(short, long)
 
