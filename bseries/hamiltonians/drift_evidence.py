@@ -187,7 +187,7 @@ def run_evidence(
         return Evidence(h, (int(np.argmin(finite)) - 1) * abs(h))
     if failure is not None:
         raise failure
-    rounding = THRESHOLDS.roundings * float(np.finfo(float).eps) * len(finite) ** 0.5 * float(scale)
+    rounding = THRESHOLDS.roundings * float(np.finfo(float).eps) * (steps + 1) ** 0.5 * float(scale)
     at = len(table) - len(wanted)
     integrals = dict(zip(wanted, (_integral(row, abs(h)) for row in table[at:]), strict=True))
     evidence = Evidence(h, steps * abs(h), leading=leading, rounding=rounding)

@@ -279,7 +279,9 @@ class ModifiedHamiltonian:
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
         if run is not None and len(self.variables) > 2:
             if (x, y, window) != (None, None, None):
-                raise SeriesError("run must be left out with x, y or window if there are more than two variables")
+                raise SeriesError(
+                    "run must be left out with x, y or window, as there are more than two variables, but was not"
+                )
             return self._plot_along(ax, run, read_step(h))
         if window is None and run is None:
             raise SeriesError("window must be given, as in (-3, 3, -2, 2), where no run is, but was not")

@@ -77,7 +77,7 @@ def scene_of(random: np.random.Generator, degrees: int) -> bs.Scene:
 def fault(short: bs.hamiltonians.DriftReport, long: bs.hamiltonians.DriftReport) -> str:
     """What a longer run says against the verdict on a shorter one; empty if nothing."""
     few, many = short.evidence, long.evidence
-    if few is None or short.verdict == "no drift seen":
+    if few is None or many is None or short.verdict == "no drift seen":
         return ""
     if few.energy is None or many.energy is None:
         return "" if short.verdict in ("linear drift", "unsteady drift") else "the energy is lost"
