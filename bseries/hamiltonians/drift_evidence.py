@@ -93,15 +93,16 @@ class Evidence(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The verdict: what changes more, H̃ as predicted or the energy as measured.
+        """The verdict: that of the predicted change of H̃ if predictions explain the energy, else that of the energy.
 
-        A prediction counts if it explains the energy, and a band is a bound only if it is explained.
+        What −h^k H_(k+1) explains is no drift, as it is a function of the state. But a band is a bound only if the
+        energy is explained, and its variance saturated.
         """
         if self.energy is None:
             return UNSTEADY
         if not self.is_explained:
             return UNSEEN if self.energy.kind == BOUNDED else self.energy.kind
-        return max(self.predicted, self.energy.kind, key=RANKS.index)
+        return self.predicted if self.energy.kind == BOUNDED else max(self.predicted, UNSEEN, key=RANKS.index)
 
     @property
     def is_predicted(self) -> bool:

@@ -36,7 +36,8 @@ class Thresholds:
     bend: float = 0.128  # largest distance from a line, as a part of its rise; less with probability 1e-4 in a walk
     one_way: float = 0.95  # least part of the rise in all changes between pieces of the run, if it goes one way
     event: float = 0.5  # largest part of a piece in the variances within pieces, if no single event decides
-    saturated: float = 0.05  # largest part of the variance in slow waves: ten times as long a walk stays invisible
+    spread: float = 0.3  # the same for a walk; exceeded by 5 % of them, and by functions of less than four periods
+    saturated: float = 0.01  # largest part of the variance in slow waves: a walk stays invisible for ten times as long
     growth: float = 5.0  # 2D from slow waves and from faster ones agree up to this factor; 1 % of walks do not
     evenness: float = 2.0  # log of the arithmetic by the geometric mean; 1.27 ± 0.21 for 64 squares of a walk
     explained: float = 0.5  # largest part of the deviation of the energy that predictions leave
@@ -88,7 +89,7 @@ class DriftStatistics(NamedTuple):
         if self.one_way > limits.one_way:
             return UNSTEADY
         is_even = 1 / limits.growth < self.growth < limits.growth and self.evenness < limits.evenness
-        return SQUARE_ROOT if is_even else UNSEEN
+        return SQUARE_ROOT if is_even and self.event < limits.spread else UNSEEN
 
 
 def drift_statistics(values: np.ndarray, dt: float, rounding: float = 0.0) -> DriftStatistics:

@@ -33,17 +33,17 @@ def waves(random: np.random.Generator, slowest: float) -> np.ndarray:
 
 Process = Callable[[np.random.Generator], np.ndarray]
 PROCESSES: dict[str, tuple[Process, str, float]] = {
-    "walk": (lambda random: np.cumsum(random.standard_normal(LENGTH)), "square-root drift", 0.95),
-    "short walk": (lambda random: np.cumsum(random.standard_normal(512)), "square-root drift", 0.95),
+    "walk": (lambda random: np.cumsum(random.standard_normal(LENGTH)), "square-root drift", 0.9),
+    "short walk": (lambda random: np.cumsum(random.standard_normal(512)), "square-root drift", 0.9),
     "walk with memory": (
-        lambda random: np.cumsum(remembered(random.standard_normal(LENGTH), 0.9)), "square-root drift", 0.95,
+        lambda random: np.cumsum(remembered(random.standard_normal(LENGTH), 0.9)), "square-root drift", 0.9,
     ),
     "walk under a wave": (
         lambda random: np.cumsum(random.standard_normal(LENGTH)) + 30 * np.cos(2 * pi * 200 * TIMES),
         "square-root drift", 0.9,
     ),
     "noise": (lambda random: random.standard_normal(LENGTH), "bounded", 1.0),
-    "noise with memory": (lambda random: remembered(random.standard_normal(LENGTH), 0.7), "bounded", 0.9),
+    "noise with memory": (lambda random: remembered(random.standard_normal(LENGTH), 0.3), "bounded", 0.9),
     "waves": (lambda random: waves(random, 12), "bounded", 0.9),
     "line under noise": (lambda random: 100 * TIMES + random.standard_normal(LENGTH), "linear drift", 1.0),
     "line under a wave": (lambda random: 3 * TIMES + waves(random, 200), "linear drift", 0.85),
