@@ -117,15 +117,16 @@ class Evidence(NamedTuple):
             return f"the energy leaves all bounds at t = {self.time:.6g}"
         changes = f"{over} the energy changes by {self.energy.mean * self.time:.2g}"
         beyond = "" if self.is_predicted else ", which the modified equation does not predict"
-        known = "" if self.leading is None else f": {self.leading.name} does not explain it, as h is beyond its reach"
+        term = "the modified equation" if self.leading is None else self.leading.name
+        doubt = (
+            "its variance is not saturated" if self.is_explained else f"{term} does not explain it: h is beyond reach"
+        )
         return {
             BOUNDED: f"the energy oscillates as predicted, and {over} its variance is saturated",
             LINEAR: f"the mean of dH~/dt along the run is not zero{beyond}",
             UNSTEADY: f"{changes}, in one direction but at no steady rate{beyond}",
             SQUARE_ROOT: f"the mean of dH~/dt along the run is zero within its error, but its integral spreads{beyond}",
-            UNSEEN: f"no drift is seen {over}, but the variance of the energy is not saturated"
-            if self.is_explained or self.energy.kind != BOUNDED
-            else f"the energy stays in a band {over}, but that is no bound{known}",
+            UNSEEN: f"no drift of the energy is seen {over}, but {doubt}",
         }[self.kind]
 
     def facts(self) -> Iterator[tuple[str, str]]:
