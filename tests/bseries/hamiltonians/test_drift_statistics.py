@@ -28,7 +28,8 @@ def waves(random: np.random.Generator, slowest: float) -> np.ndarray:
     """A function of two frequencies, of which none is below `slowest` periods."""
     first, second = np.exp(random.uniform(log(slowest), log(400), 2))
     frequencies = [first, second, first + second, 2 * first, 2 * second]
-    return sum(random.standard_normal() * np.cos(2 * pi * f * TIMES + random.uniform(0, 7)) for f in frequencies)
+    parts = [random.standard_normal() * np.cos(2 * pi * f * TIMES + random.uniform(0, 7)) for f in frequencies]
+    return np.sum(parts, axis=0)
 
 
 Process = Callable[[np.random.Generator], np.ndarray]
