@@ -208,6 +208,40 @@ def test_drift_draws_the_run_and_its_prediction():
     assert found["predicted"][1][-1] == pytest.approx(report.slope() * 100)
 
 
+def test_drift_draws_the_range_that_the_modified_hamiltonian_predicts():
+    """That of −h²H₃ along the run, and nothing at 0; scaled to another step size by its power."""
+    report = bs.energy_drift("stormer-verlet", "kepler", h=0.02, steps=5000)
+    for h in (0.02, 0.01):
+        measured = bs.integrate("stormer-verlet", "kepler", h=h, steps=2000, observe="energy", observe_every=1)
+        axes = report.plot(run=measured)
+        run, low, high = axes.lines
+        assert [line.get_label() for line in (run, low)] == ["measured", "range of $-h^{2} H_{3}$"]
+        term = -(h**2) * bs.modified_hamiltonian("stormer-verlet", "kepler", 3).terms(measured.y)[2]
+        for line, end in ((low, min(term - term[0])), (high, max(term - term[0]))):
+            assert line.get_ydata()[0] == pytest.approx(end, rel=0.02, abs=1e-6)
+        assert "bounded, amplitude" in axes.get_title("left").replace("\n", " ")
+
+
+def test_a_modified_hamiltonian_of_more_than_two_variables_is_drawn_along_a_run():
+    H = bs.modified_hamiltonian("stormer-verlet", "kepler", 5)
+    measured = bs.integrate(H.method, H.scene, h=0.05, steps=500)
+    axes = H.plot(h=0.05, run=measured)
+    found = lines(axes)
+    assert list(found) == ["$H$", r"$\widetilde{H}$ to $h^{2}$", r"$\widetilde{H}$ to $h^{4}$"]
+    values = H(measured.y, 0.05)
+    assert found[r"$\widetilde{H}$ to $h^{4}$"][1] == pytest.approx(abs(values - values[0])[1:])
+    assert axes.get_title("left").replace("\n", " ").endswith("errors along a run")
+    assert not axes.collections
+    with pytest.raises(bs.SeriesError, match="run must be left out with x, y or window, as there are more than two"):
+        H.plot(h=0.05, run=measured, x="q2")
+
+
+def test_a_slice_says_where_it_is():
+    H = bs.modified_hamiltonian("stormer-verlet", "kepler", 3)
+    axes = H.plot(h=0.05, window=(-2, 2, -2, 2), x="q2", y="p1")
+    assert axes.get_title("left").replace("\n", " ").replace("\xa0", " ").endswith("slice at p2 = 2, q1 = 0.4")
+
+
 def test_the_region_of_stability_has_its_known_border():
     """The border of rk4 crosses the axes at −2.785 and ±2.828i."""
     paths = bs.stability_function("rk4").plot().collections[-1].get_paths()

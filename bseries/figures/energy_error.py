@@ -78,13 +78,13 @@ def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: An
 
 def _prediction(method: Method, scene: Scene, h: float, orbit: np.ndarray, errors: np.ndarray) -> Energy:
     """The errors of a run with what the modified equation says of them."""
-    report, order = bs.energy_drift(method, scene, y0=orbit[:, 0].tolist(), h=h), bs.order_of(method)
+    report, order = bs.energy_drift(method, scene, y0=orbit[:, 0].tolist()), bs.order_of(method)
     band = float("nan"), float("nan")
     if report.power is None or report.power > order:
         terms = bs.modified_hamiltonian(method, scene, order + 1).terms(orbit)[order]
         changes = h**order * (terms[0] - terms)  # H̃ stays, so H changes by what the term takes away
         band = float(changes.min()), float(changes.max())
-    return Energy(method, order, errors, report.verdict, report.slope(), band)
+    return Energy(method, order, errors, report.verdict, report.slope(h), band)
 
 
 def columns(numbers: EnergyError) -> dict[str, np.ndarray]:

@@ -1,18 +1,27 @@
-"""Energy drift of a method on a scene: violations of the Hamiltonian structure, and the mean rates that they cause."""
+"""Energy drift of a method on a scene: where its modified field is not Hamiltonian, and what the energy gains then."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
 import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_smooth
+from bseries.hamiltonians.drift_evidence import Evidence, run_evidence
+from bseries.hamiltonians.drift_statistics import (
+    BOUNDED,
+    LEAST_VALUES,
+    LINEAR,
+    SQUARE_ROOT,
+    UNDECIDED,
+    UNSEEN,
+    DriftStatistics,
+)
 from bseries.hamiltonians.from_trees import energy_trees
 from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from bseries.hamiltonians.orbits import Orbit, closed_orbit
@@ -35,82 +44,10 @@ if TYPE_CHECKING:
     from integrators.runs.trajectory import Trajectory
     from trees.tree import Tree
 
-BOUNDED, LINEAR, SQUARE_ROOT, UNDECIDED = "bounded", "linear drift", "square-root drift", "undecided"
-BLOCKS = 32  # number of blocks of a trajectory for the standard error
-HALVINGS = 4  # number of times that blocks are halved, for the growth of the variance with time
-SIGNIFICANT = 4.0  # number of standard errors that is significant
-MOST_OF_ALL = 0.7  # largest part of a block in the sum of squares of a stationary rate
-STEEPEST = 1.5
-"""Largest growth exponent of variances (2 for a linear drift); above it correlations are longer than blocks."""
 STEPS = 100_000
-CHUNK = 8192  # number of states of a trajectory in memory at a time
-REASONS = {
-    LINEAR: "the mean of dH~/dt along the trajectory is not zero",
-    SQUARE_ROOT: "the mean of dH~/dt along the trajectory is zero within its error, but its integral spreads",
-    UNDECIDED: "the trajectory is too short, or its energy is lost: dH~/dt is not stationary",
-    BOUNDED: "along the trajectory no drift is seen: the mean of dH~/dt is zero within its error",
-}
 LONGEST_FORMULA = 300
 MODIFIED = "the modified equation of "
 LEADING_DIGITS = 2  # digits shown of values that are known to leading order in h
-
-
-class RateStatistics(NamedTuple):
-    """Statistics of a rate r sampled along a trajectory, and of its integral W(t) = ∫ r dt.
-
-    Over times that are longer than correlations last, W has the mean m t and the variance c + 2 D t: c comes from the
-    part of r that is a derivative of a bounded function, and D from what is left.
-    """
-
-    time: float  # the length of the trajectory
-    mean: float  # m
-    error: float  # its standard error, from the longest blocks
-    diffusion: float  # D, from the variances of blocks of several lengths
-    diffusion_error: float
-    growth: float  # the exponent γ of the power t^γ that fits the variances of blocks
-    largest: float  # the largest part of a block in the sum of squares of all: near 1, the rate is not stationary
-
-    @property
-    def kind(self) -> str:
-        """``"linear drift"``, ``"square-root drift"``, ``"bounded"`` or ``"undecided"``.
-
-        A rate is bounded if neither drift is significant within this time, and undecided if it is not stationary, as
-        when a trajectory leaves its energy, or has correlations longer than the blocks.
-        """
-        if self.largest > MOST_OF_ALL or self.growth > STEEPEST:
-            return UNDECIDED
-        if abs(self.mean) > SIGNIFICANT * self.error:
-            return LINEAR
-        return SQUARE_ROOT if self.diffusion > SIGNIFICANT * self.diffusion_error else BOUNDED
-
-
-def rate_statistics(rates: np.ndarray, dt: float) -> RateStatistics:
-    """The statistics of a rate at equidistant times, from averages over blocks.
-
-    References:
-        H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91 (1989) 461–466, doi:10.1063/1.457480.
-    """
-    least = BLOCKS * 2**HALVINGS
-    if len(rates) < least:
-        raise SeriesError(f"rates must be {least} or more to tell drifts apart, but were {len(rates)}")
-    if not np.isfinite(rates).all():
-        raise SeriesError("rates must be finite, but one was not")
-    length = len(rates) // least
-    used = rates[: least * length]
-    mean, gains = float(used.mean()), ((used - used.mean()) * dt).reshape(-1, length).sum(axis=1)
-    times = length * dt * 2.0 ** np.arange(HALVINGS + 1)
-    variances = np.array([gains.reshape(-1, 2**k).sum(axis=1).var(ddof=1) for k in range(HALVINGS + 1)])
-    error = float(np.sqrt(variances[-1] / BLOCKS) / times[-1])
-    squares = gains.reshape(BLOCKS, -1).sum(axis=1) ** 2
-    largest = float(squares.max() / squares.sum()) if squares.any() else 0.0
-    growth = diffusion = diffusion_error = 0.0
-    if variances.all():
-        growth = float(np.polyfit(np.log(times), np.log(variances), 1)[0])
-        # c + 2 D t, with the relative errors of the variances of so many blocks
-        weights = 1 / (variances * np.sqrt(2 * times / (BLOCKS * times[-1])))
-        fitted, covariance = np.polyfit(2 * times, variances, 1, w=weights, cov="unscaled")
-        diffusion, diffusion_error = float(fitted[0]), float(np.sqrt(covariance[0, 0]))
-    return RateStatistics(len(used) * dt, mean, error, diffusion, diffusion_error, growth, largest)
 
 
 class DriftReport(NamedTuple):
@@ -119,13 +56,14 @@ class DriftReport(NamedTuple):
     Attributes:
         perturbation: The non-Hamiltonian part of the modified field, with its formulas `terms(k)` and `rate(k)`.
         h: The step size, if one was given.
-        verdict: ``"bounded"``, ``"linear drift"``, ``"square-root drift"``, or ``"undecided"`` if data is missing.
+        verdict: ``"bounded"``, ``"linear drift"``, ``"square-root drift"``, ``"unsteady drift"``, ``"no drift seen"``
+            if there is no evidence for any of these, or ``"undecided"`` if data is missing.
         reason: The reason in a sentence.
         breaks: The first tree for which the modified field is not Hamiltonian for every H.
         broken: The first power of h at which it is not Hamiltonian on this scene.
         orbit: The orbit, with one degree of freedom.
         means: The mean rates along this orbit, by power of h.
-        statistics: The statistics of rates along a trajectory, with several degrees of freedom, by power of h.
+        evidence: What a run shows, where one was needed.
 
     Example:
         >>> import bseries as bs
@@ -142,7 +80,7 @@ class DriftReport(NamedTuple):
     broken: Violation | None = None
     orbit: Orbit | None = None
     means: tuple[tuple[int, Any], ...] = ()
-    statistics: tuple[tuple[int, RateStatistics], ...] = ()
+    evidence: Evidence | None = None
 
     @property
     def power(self) -> int | None:
@@ -169,22 +107,39 @@ class DriftReport(NamedTuple):
         return self.perturbation.hamiltonian(self.power)
 
     @property
+    def statistics(self) -> tuple[tuple[int, DriftStatistics], ...]:
+        """The statistics of the integrals of rates along a run, with several degrees of freedom, by power of h."""
+        return () if self.evidence is None else self.evidence.rates
+
+    @property
     def drift(self) -> tuple[int, Any] | None:
-        """The power of h and its coefficient in the mean of dH̃/dt; None if no drift is predicted."""
-        means = self.means or [(k, s.mean) for k, s in self.statistics if s.kind == LINEAR]
-        return next(((k, mean) for k, mean in means if mean), None)
+        """The power of h and its coefficient in the mean of dH̃/dt; None if no drift is predicted.
+
+        Along a run it is the power that contributes most.
+        """
+        if self.evidence is None:
+            return next(((k, mean) for k, mean in self.means if mean), None)
+        row = self._largest(LINEAR, lambda s: abs(s.mean))
+        return None if row is None else (row[0], row[1].mean)
 
     @property
     def spread(self) -> tuple[int, float] | None:
-        """The power k of h and D in the variance h^2k · 2 D t of a random walk; None if there is none."""
-        found = ((k, s.diffusion) for k, s in self.statistics if s.kind == SQUARE_ROOT)
-        return next(found, None)
+        """The power k of h and D in the variance h^2k · 2 D t of a predicted random walk; None if there is none."""
+        row = self._largest(SQUARE_ROOT, lambda s: s.diffusion**0.5)
+        return None if row is None else (row[0], row[1].diffusion)
+
+    def _largest(self, kind: str, size: Callable[[DriftStatistics], float]) -> tuple[int, DriftStatistics] | None:
+        """The power of h that contributes most, if the verdict is of a kind, and predicted."""
+        found = self.evidence
+        if found is None or self.verdict != kind or not found.is_predicted:
+            return None
+        return max(found.rates, key=lambda row: abs(found.h) ** row[0] * size(row[1]))
 
     def slope(self, h: float | None = None) -> float:
         """The predicted slope of the energy error to leading order in h, by default for the given step size.
 
         Raises:
-            SeriesError: There is no step size, or the slope depends on the orbit.
+            SeriesError: There is no step size, the slope depends on the orbit, or a drift is not predicted.
         """
         h = self.h if h is None else h
         if h is None:
@@ -194,9 +149,11 @@ class DriftReport(NamedTuple):
             if getattr(mean, "free_symbols", None):
                 raise SeriesError(f"parameters must be numbers for a slope, but the mean rate is {mean!s:.60}")
             return float(mean) * h**power
-        if self.verdict == UNDECIDED or (self.verdict == LINEAR and self.orbit is None):
+        if self.verdict in (BOUNDED, SQUARE_ROOT, UNSEEN):
+            return 0.0
+        if self.verdict == LINEAR and self.evidence is None:
             raise SeriesError(f"y0 must be given for a slope, but the verdict is about all orbits: {self.reason}")
-        return 0.0
+        raise SeriesError(f"verdict must be one with a slope, but was {self.verdict}: {self.reason}")
 
     def deviation(self, t: float, h: float | None = None) -> float:
         """The predicted standard deviation of the energy error of a random walk at a time.
@@ -211,9 +168,10 @@ class DriftReport(NamedTuple):
         return abs(h) ** power * (2 * diffusion * abs(t)) ** 0.5
 
     def plot(self, ax: Axes | None = None, *, run: Trajectory) -> Axes:
-        """The energy error of a run against its prediction: the mean slope, and ± two deviations of a random walk.
+        """The energy error of a run against its prediction.
 
-        The energy also oscillates, by an amount that does not grow and that the prediction leaves out.
+        That is the mean slope of a linear drift, ± two deviations of a random walk, or else the range in which the
+        leading term of the modified equation, such as −h²H₃, lets the energy oscillate.
 
         Args:
             ax: The axes, which are returned; None for those of a new figure.
@@ -235,19 +193,35 @@ class DriftReport(NamedTuple):
         if energies is None:
             raise SeriesError(f"run must be a trajectory that observes the energy, but was {run!r:.60}")
         t, h = run.observed_t - run.observed_t[0], run.h
-        slope = self.slope(h)
+        slope = self.slope(h) if self.drift is not None else 0.0
         with drawing(ax, SeriesError) as axes:
             axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=1.0, label="measured")
-            axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
-            if self.spread is not None:
+            if slope:
+                axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
+            elif self.spread is not None:
                 deviation = 2 * self.deviation(1.0, h) * abs(t) ** 0.5
-                draw_band(axes, run.observed_t, slope * t - deviation, slope * t + deviation, "± 2 deviations")
+                draw_band(axes, run.observed_t, -deviation, deviation, "± 2 deviations")
+            elif (found := self.evidence) is not None and found.leading is not None and found.band is not None:
+                scale = (h / found.h) ** found.leading.power
+                for end, label in zip(found.band, (f"range of {found.leading.formula}", None), strict=True):
+                    axes.axhline(scale * end, color=BLACK, linestyle="--", linewidth=0.8, label=label)
             draw_legend(axes)
             method = self.perturbation.field.label.removeprefix(MODIFIED)
-            about = f"{place(method, self.perturbation.scene)}, h = {h:g}: {self.verdict}"
+            about = f"{place(method, self.perturbation.scene)}, h = {h:g}: {self._verdict()}"
             write_title(axes, f"{about}, slope {shown_number(slope, LEADING_DIGITS)}" if slope else about)
             axes.set(xlabel=axis_label("t"), ylabel=axis_label("energy", change=True))
         return axes
+
+    def _verdict(self) -> str:
+        """The verdict with what it is about: the time, or the amplitude and the power of h."""
+        found = self.evidence
+        if found is None or found.energy is None or self.verdict not in (BOUNDED, UNSEEN):
+            return self.verdict
+        if self.verdict == UNSEEN:
+            return f"{UNSEEN} over t = {found.time:.6g}"
+        if found.leading is None or found.energy.low == found.energy.high:
+            return f"{BOUNDED}, by rounding errors"
+        return f"{BOUNDED}, amplitude {found.energy.amplitude:.2g}, of order h^{found.leading.power}"
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain data."""
@@ -275,8 +249,9 @@ class DriftReport(NamedTuple):
         if self.orbit is not None:
             data["orbit"] = {"y0": list(self.orbit.y0), "kind": self.orbit.kind, "period": float(self.orbit.period)}
             data["means"] = [{"power": k, "mean": str(shown_number(mean))} for k, mean in self.means]
-        if self.statistics:
+        if self.evidence is not None:
             data["statistics"] = [{"power": k, **s._asdict()} for k, s in self.statistics]
+            data["run"] = self.evidence.to_dict()
         if self.drift is not None:
             data["drift"] = {"power": self.drift[0], "coefficient": str(shown_number(self.drift[1]))}
         return data
@@ -300,7 +275,7 @@ class DriftReport(NamedTuple):
         what, facts = Column("what"), list(self._facts())
         method = field.label.removeprefix(MODIFIED)
         return Table(
-            f"Energy of {place(method, scene, effects)}: {self.verdict}",
+            f"Energy of {place(method, scene, effects)}: {self._verdict()}",
             [what, Column("value", get=lambda fact: shorten(str(fact[1]), LONGEST_FORMULA), latex=latex)],
             facts,
             [f"Looked at through h^{field.order - 1}."],
@@ -316,7 +291,7 @@ class DriftReport(NamedTuple):
     def _facts(self) -> Iterator[tuple[str, str | sympy.Expr]]:
         """The rows of the table."""
         r, h = self.perturbation, self.h
-        yield "verdict", self.verdict
+        yield "verdict", self._verdict()
         yield "reason", self.reason
         if self.breaks is not None:
             names = r.field.series.names
@@ -335,8 +310,11 @@ class DriftReport(NamedTuple):
         for k, mean in self.means:
             yield f"mean of dH~/dt at h^{k}", shown_number(mean)
         for k, s in self.statistics:
-            yield f"mean of dH~/dt at h^{k}", f"{s.mean:.4g} ± {s.error:.2g} over t = {s.time:.6g}: {s.kind}"
-            yield "variance of its integral over t", f"2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
+            yield f"mean of dH~/dt at h^{k}", f"{s.mean:.4g} ± {s.error:.2g} over t = {s.time:.6g}"
+            if self.spread is not None:
+                yield "variance of its integral over t", f"2 D t with D = {s.diffusion:.4g} ± {s.diffusion_error:.2g}"
+        if self.evidence is not None:
+            yield from self.evidence.facts()
         slope = self._shown_slope(LEADING_DIGITS)
         if slope is not None:
             yield f"leading slope of the energy at h = {h:g}", slope
@@ -371,12 +349,16 @@ def energy_drift(
 
     Formally the method follows y' = B ∇H̃ + r, and r begins with the first power h^K at which the modified field is not
     the field of a globally defined function. To leading order H̃ changes at the rate ∇H · r, whose mean decides.
-    "Bounded" means that there is no drift through the powers of h examined.
 
     With one degree of freedom and a closed one-form B^(−1) r, the energy gained per period of an angle decides for all
     orbits. If the form is not closed, the mean is taken along the orbit of y' = f(y) through `y0`, power by power. With
     several degrees of freedom it is taken along `steps` steps of the method, and compared with its standard error; the
-    variance of the integral distinguishes a random walk, whose correlations decay, from bounded oscillations.
+    slow waves of the integral distinguish a random walk, whose increments are uncorrelated, from bounded oscillations.
+
+    Without a step size, "bounded" is a statement about the series: as h tends to 0, no drift through the powers of h
+    examined. With a step size and a start, a run must confirm it: the variance of the energy is saturated, and the
+    leading term of the modified equation explains its oscillations. Otherwise the verdict is "no drift seen", or the
+    drift of the run.
 
     Args:
         method: A method, or a modified field.
@@ -385,8 +367,8 @@ def energy_drift(
             and at least 7; for a series its own.
         y0: The start. With one degree of freedom and a closed form None gives a verdict about all orbits; otherwise it
             means the start of the scene.
-        h: The step size, for predicted slopes; needed with several degrees of freedom.
-        steps: The length of the trajectory with several degrees of freedom.
+        h: The step size, for predicted slopes and for runs; needed with several degrees of freedom.
+        steps: The length of the run.
         parts: As for `modified_field`.
 
     Raises:
@@ -416,14 +398,38 @@ def energy_drift(
     else:
         order_of_method = order_of(method)
         order = max(7, order_of_method + 3) if order is None else order
-    steps = read_steps(steps, "steps", BLOCKS * 2**HALVINGS)
+    steps = read_steps(steps, "steps", LEAST_VALUES)
     size = None if h is None else read_number(h, "h")
     if size == 0:
         raise SeriesError("h must be a number other than 0, but was 0")
+    start = None if scene.start is None else scene.y0.tolist()
+    if y0 is not None:
+        start = read_vector(y0, "y0", scene.dimension).tolist()
     r = Perturbation(method, scene, order, parts=parts)
+    report = _of_the_series(DriftReport(r, size, BOUNDED, ""), method, order_of_method, start, y0 is None, parts)
+    has_numbers = not any(getattr(x, "free_symbols", ()) for x in (*scene.parameter_values.values(), *r.field.weights))
+    if report.verdict not in (BOUNDED, UNDECIDED) or start is None or size is None or isinstance(method, BSeries):
+        return report
+    if report.verdict == BOUNDED and not has_numbers:
+        return report
+    first = r.field.order if report.broken is None or scene.dimension == 2 else report.broken.power
+    evidence = run_evidence(
+        r, method, start, size, steps, parts, order=order_of_method,
+        powers=list(filter(r.has_terms, range(first, min(first + order_of_method, r.field.order)))),
+        is_symplectic=report.breaks is None if scene.poisson is None else report.broken is None,
+    )  # fmt: skip
+    return report._replace(verdict=evidence.kind, reason=evidence.reason, evidence=evidence)
+
+
+def _of_the_series(
+    report: DriftReport, method: Method | BSeries, order: int, start: list[float] | None, everywhere: bool, parts: Any
+) -> DriftReport:
+    """The verdict of the modified equation as h tends to 0: for all orbits, or on the closed orbit through a point."""
+    r = report.perturbation
+    scene = r.scene
     far = f"through h^{r.field.order - 1}"
-    report = DriftReport(r, size, BOUNDED, f"the modified field is Hamiltonian {far}, for all H of this form")
-    least = order_of_method
+    report = report._replace(reason=f"the modified field is Hamiltonian {far}, for all H of this form")
+    least = order
     if scene.poisson is None:
         found = energy_trees(method, scene, r.field.order, parts).verdict
         if found.breaks is None:
@@ -434,16 +440,13 @@ def energy_drift(
     if broken is None:
         return report._replace(reason=f"on this scene the modified field is Hamiltonian {far}, and globally so")
     report = report._replace(broken=broken)
-    if scene.dimension == 2 and broken.is_closed and y0 is None:
+    if scene.dimension > 2:
+        reason = "mean rates are taken along a trajectory: a method, a step size and a start must be given"
+        return report._replace(verdict=UNDECIDED, reason=reason)
+    if broken.is_closed and everywhere:
         elsewhere = f"nothing before h^{broken.order} on orbits that do not go round"
         return report._replace(verdict=LINEAR, reason=f"the energy gains {_gains(broken)}, and {elsewhere}")
-    start = None if scene.start is None else scene.y0.tolist()
-    if y0 is not None:
-        start = read_vector(y0, "y0", scene.dimension).tolist()
-    if scene.dimension == 2:
-        return _on_one_orbit(report, chain([broken], later), order_of_method, start)
-    powers = range(broken.power, min(broken.power + order_of_method, r.field.order))
-    return _along_trajectory(report, powers, method, start, steps, parts)
+    return _on_one_orbit(report, chain([broken], later), order, start)
 
 
 def _gains(broken: Violation) -> str:
@@ -482,30 +485,3 @@ def _means(r: Perturbation, broken: Violation, orbit: Orbit, last: int) -> Itera
     else:
         for k in filter(r.has_terms, range(broken.power, last + 1)):
             yield k, orbit.mean(r.rate(k)) if orbit.period else 0
-
-
-def _along_trajectory(
-    report: DriftReport, powers: Iterable[int], method: Method | BSeries, start: Any, steps: int, parts: Any
-) -> DriftReport:
-    """The verdict with several degrees of freedom, from the rates along a trajectory of the method."""
-    from integrators import integrate
-
-    r, h = report.perturbation, report.h
-    if start is None or h is None or isinstance(method, BSeries):
-        reason = "mean rates are taken along a trajectory: a method, a step size and a start must be given"
-        return report._replace(verdict=UNDECIDED, reason=reason)
-    powers = list(filter(r.has_terms, powers))
-    pieces = []
-    for made in range(0, steps, CHUNK):
-        y = integrate(method, r.scene, h=h, steps=min(CHUNK, steps - made), y0=start, parts=parts).y
-        pieces.append([r.rates(y[:, :-1], k) for k in powers])
-        start = y[:, -1]
-    found: list[tuple[int, RateStatistics]] = []
-    for k, row in zip(powers, np.hstack(pieces), strict=True):
-        found.append((k, rate_statistics(row, abs(h))))
-        if found[-1][1].kind in (LINEAR, UNDECIDED):
-            break
-    last = found[-1][1].kind
-    walks = any(statistics.kind == SQUARE_ROOT for _, statistics in found)
-    verdict = SQUARE_ROOT if walks and last == BOUNDED else last
-    return report._replace(verdict=verdict, reason=REASONS[verdict], statistics=tuple(found))

@@ -30,7 +30,7 @@ from bseries.hamiltonians.verdicts import (
     is_proved_symplectic,
     name_of,
 )
-from foundation.diagrams import axis_label, draw_levels, write_title
+from foundation.diagrams import axis_label, draw_curves, draw_levels, write_title
 from foundation.formulas import formula_text
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
@@ -259,9 +259,11 @@ class ModifiedHamiltonian:
         self, ax: Axes | None = None, *, h: float, run: Trajectory | None = None, x: str | None = None,
         y: str | None = None, window: Any = None,
     ) -> Axes:  # fmt: skip
-        """Level curves of H̃ over a plane of two variables, which a numerical solution follows.
+        """Level curves of H̃ over two variables, which a numerical solution follows; or H̃ along a run.
 
-        Other variables are those of the run's first state, or of the scene's start.
+        With more than two variables no picture in a plane shows that a run follows level curves. Then a run is drawn
+        over time, as the errors of H and of H̃ to each power of h; and a plane without a run is a slice of the level
+        sets, through the scene's start, which the title gives.
 
         Args:
             ax: The axes, which are returned; None for those of a new figure.
@@ -272,8 +274,9 @@ class ModifiedHamiltonian:
             window: The ends (left, right, bottom, top) of the axes; by default those of the run with some space.
 
         Raises:
-            SeriesError: A variable is unknown, there is neither a run nor a window, or `ax` is no axes.
-            IntegratorError: The scene has no start, and there is no run; or the window has the wrong form.
+            SeriesError: A variable is unknown, there is neither a run nor a window, a run of more than two variables
+                comes with a plane, or `ax` is no axes.
+            IntegratorError: The scene has no start, and it is needed; or the window has the wrong form.
             ImportError: matplotlib is not installed.
 
         Example:
@@ -287,6 +290,12 @@ class ModifiedHamiltonian:
         i, j = self._plane(x, y)
         if run is not None and getattr(run, "variables", None) != tuple(self.variables):
             raise SeriesError(f"run must have the variables {', '.join(self.variables)}, but was {shown(run)}")
+        if run is not None and len(self.variables) > 2:
+            if (x, y, window) != (None, None, None):
+                raise SeriesError(
+                    "run must be left out with x, y or window, as there are more than two variables, but was not"
+                )
+            return self._plot_along(ax, run, read_step(h))
         if window is None and run is None:
             raise SeriesError("window must be given, as in (-3, 3, -2, 2), where no run is, but was not")
         if window is None and run is not None:
@@ -297,7 +306,8 @@ class ModifiedHamiltonian:
         else:
             ends = read_window(window)
         across, upwards = np.linspace(*ends[:2], POINTS), np.linspace(*ends[2:], POINTS)
-        states = np.repeat(np.array(self.scene.y0 if run is None else run.y[:, 0])[:, None], POINTS**2, axis=1)
+        centre = self.scene.y0 if run is None and len(self.variables) > 2 else np.zeros(len(self.variables))
+        states = np.repeat(centre[:, None], POINTS**2, axis=1)
         states[i], states[j] = (grid.ravel() for grid in np.meshgrid(across, upwards))
         with catch_warnings():
             simplefilter("ignore")  # H̃ need not be finite everywhere in a window
@@ -309,9 +319,33 @@ class ModifiedHamiltonian:
             draw_levels(axes, across, upwards, values, LEVELS)
             if run is not None:
                 axes.plot(run.y[i], run.y[j], ".", color=BLUE, markersize=2.5)
-            write_title(axes, f"{self.label} on {self.scene.name} to h^{self.order - 1}, h = {read_step(h):g}")
+            fixed = [
+                f"{name} = {value:g}"
+                for k, (name, value) in enumerate(zip(self.variables, centre, strict=True))
+                if k not in (i, j)
+            ]
+            write_title(
+                axes, ", ".join([self._title(read_step(h)), *(["slice at " + ", ".join(fixed)] if fixed else [])])
+            )
             labels = [axis_label(self.variables[k]) for k in (i, j)]
             axes.set(xlabel=labels[0], ylabel=labels[1], xlim=ends[:2], ylim=ends[2:])
+        return axes
+
+    def _title(self, h: float) -> str:
+        return f"{self.label} on {self.scene.name} to h^{self.order - 1}, h = {h:g}"
+
+    def _plot_along(self, ax: Axes | None, run: Trajectory, h: float) -> Axes:
+        """The errors of H and of H̃ along a run, on a logarithmic axis."""
+        terms = h ** np.arange(self.order)[:, None] * self.terms(run.y)
+        sums = {k: np.cumsum(terms, axis=0)[k] for k in range(self.order) if k == 0 or terms[k].any()}
+        curves = {
+            f"$\\widetilde{{H}}$ to $h^{{{k}}}$" if k else "$H$": np.abs(value - value[0])[1:]
+            for k, value in sums.items()
+        }
+        with drawing(ax, SeriesError) as axes:
+            draw_curves(axes, run.t[1:], curves, linewidth=0.8)
+            write_title(axes, f"{self._title(h)}: errors along a run")
+            axes.set(xlabel=axis_label("t"), ylabel="change since the start, absolute", yscale="log")
         return axes
 
     def _plane(self, x: str | None, y: str | None) -> tuple[int, int]:

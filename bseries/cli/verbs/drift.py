@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @takes_parts
 @takes_start
 @click.option("--step", "h", metavar="H", type=REAL, help="The step size, for predicted slopes and for trajectories.")
-@click.option("--steps", type=WholeNumber(), help="With several degrees of freedom: steps of the trajectory.")
+@click.option("--steps", type=WholeNumber(), help="Steps of the run.")
 @click.option(
     "--order", type=WholeNumber(), help="Powers h^0 to h^(N-1) of the modified equation; by default at least 7."
 )
@@ -46,8 +46,8 @@ def drift(
 
     Finds the first power of h at which the modified equation has no Hamiltonian on the scene, and the mean rate of
     change of the energy that follows. With one degree of freedom the mean is computed on the orbit from --start, or for
-    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step. --plot draws
-    the energy error of a run against the prediction.
+    all orbits where variables are angles; with several, along a numerical trajectory, which needs --step. With --step
+    a run must also confirm that the energy is bounded. --plot draws the energy error of a run against the prediction.
 
     \b
     Examples:
@@ -55,6 +55,7 @@ def drift(
       bseries drift simplified-takahashi-imada --scene pendulum --effect asymmetry --start "p=5/2;q=0" --step 0.2
       bseries drift rk4 --scene pendulum --start "p=5/2;q=0" --step 0.1 --plot drift.png
       bseries drift rk4 --scene henon-heiles --step 0.1 --steps 20000 --format json
+      bseries drift leapfrog --scene kepler --step 0.01 --plot band.png
     """
     from bseries.hamiltonians.energy_drift import STEPS, energy_drift
     from integrators.runs.integration import integrate

@@ -65,7 +65,8 @@ def hamiltonian(
     methods that are symplectic on the scene at hand only. Other methods are refused, and the sentence says where they
     fail; with --verdict that is the answer.
 
-    --plot draws its level curves, with the states of a run from the scene's start.
+    --plot draws its level curves, with the states of a run from the scene's start; with more than two variables, the
+    errors of H and of H~ along this run.
 
     With --brackets, it is a sum of nested Poisson brackets of the parts of a splitting method, for all Hamiltonians.
 

@@ -59,7 +59,7 @@ def test_trajectories(drift, answer):
     call = ("rk4", "--scene", "henon-heiles", "--step", "0.1", "--steps", "2000")
     report = bs.energy_drift(bs.method("rk4"), bs.scene("henon-heiles"), h=0.1, steps=2000)
     assert drift(*call)["verdict"] == report.verdict
-    assert re.search(r"mean of dH~/dt at h\^5 +-0.00\d+ ± \S+ over t = \S+: linear drift\n", answer("drift", *call))
+    assert re.search(r"mean of dH~/dt at h\^5 +-0.00\d+ ± \S+ over t = 200\n", answer("drift", *call))
     assert drift("rk4", "--scene", "henon-heiles")["verdict"] == "undecided"
 
 
