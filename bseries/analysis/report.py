@@ -249,8 +249,7 @@ def structure_of(method: Method, order: int, accuracy: int) -> dict[str, Verdict
         flow = BSeries(table, exact_values(table), 1, names=exact.names)
     else:
         flow = series(exact, order)
-    # The uncertainty of a field in decimals is known only for the field of a method.
-    field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
+    field = modified_equation(flow)
     found: dict[str, Any] = {}
     for structure in (*STRUCTURES, *CONJUGATE_STRUCTURES):
         try:

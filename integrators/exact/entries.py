@@ -21,6 +21,8 @@ Entry: TypeAlias = "Fraction | float | sympy.Expr"
 EntryRow: TypeAlias = tuple[Entry, ...]
 Matrix: TypeAlias = tuple[EntryRow, ...]
 FLOAT_PRECISION = 2.0**-50
+MOST_FLOAT_DIGITS = 250
+"""Of more digits, only so many count: errors are doubles, whose smallest ones are near 1e-308."""
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 
 
@@ -161,6 +163,20 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     """The relative error of entries: 0 if exact, else that of the published digits or of doubles."""
     published = Fraction(0) if digits is None else Fraction(10, 10**digits)
     return max(published, FLOAT_PRECISION) if domain == "float" else published
+
+
+def half_unit(x: Fraction, digits: int) -> float:
+    """Half a unit of the last of the significant digits of a number; 0 for zero, which is exact.
+
+    Example:
+        >>> half_unit(Fraction("0.0123"), 3), half_unit(Fraction(7), 2)
+        (5e-05, 0.05)
+    """
+    if not x:
+        return 0.0
+    exponent = len(str(abs(x.numerator))) - len(str(x.denominator))  # that of the first digit, or one more
+    exponent -= abs(x) < (Fraction(10) ** exponent)
+    return float(f"5e{exponent - min(digits, MOST_FLOAT_DIGITS)}")
 
 
 def find_domain(values: Iterable[Entry]) -> str:
