@@ -3,6 +3,7 @@
 import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import mpmath
@@ -168,9 +169,8 @@ def splitting(numbers: list[Any], digits: int | None) -> Splitting:
 def strang(source: random.Random) -> tuple[Any, ...]:
     """A symmetric splitting of order 2."""
     a, b = number(source, -0.5, 0.8), number(source, 0.1, 0.9)
-    return [a, b, 1 - 2 * a, 1 - b - b, 1 - 2 * a, b, a][:2] + [mpmath.mpf(1) / 2 - a, 1 - 2 * b] + [
-        mpmath.mpf(1) / 2 - a, b, a,
-    ], splitting, 2  # fmt: skip
+    inner = mpmath.mpf(1) / 2 - a
+    return [a, b, inner, 1 - 2 * b, inner, b, a], splitting, 2
 
 
 def triple_jump(source: random.Random) -> tuple[Any, ...]:
@@ -179,5 +179,5 @@ def triple_jump(source: random.Random) -> tuple[Any, ...]:
     g = 1 / (2 * count - mpmath.cbrt(2 * count))
     steps = [g] * count + [1 - 2 * count * g] + [g] * count
     half = [x / 2 for x in steps]
-    drifts = [half[0], *(x + y for x, y in zip(half, half[1:], strict=False)), half[-1]]
+    drifts = [half[0], *(x + y for x, y in pairwise(half)), half[-1]]
     return [x for pair in zip(drifts, [*steps, 0], strict=True) for x in pair][:-1], splitting, 4

@@ -38,7 +38,7 @@ def nystrom(x, digits):
     return RungeKuttaNystrom([[0, 0], [x[0], 0]], x[1:3], x[3:5], [0, x[5]], digits=digits)
 
 
-ENTRIES = [Fraction(x) for x in "0.31 -0.2 1.7 0.062 0.4 0.93 -0.71 0.11 2.3 0.25 0.5 -0.35".split()]
+ENTRIES = [Fraction(k, 100) for k in (31, -20, 170, 6, 40, 93, -71, 11, 230, 25, 50, -35)]
 KINDS = {
     "tableau": (tableau, ENTRIES, 5),
     "partitioned": (partitioned, [*ENTRIES, *(x / 2 for x in ENTRIES[::-1])], 4),
