@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -42,48 +42,34 @@ LARGEST_ARRAY = 2**22
 """Changes with all entries are computed at once up to this size of arrays, otherwise with some entries at a time."""
 CHANGE = 2.0**-20
 """Of the entries, relative: balances the errors of central differences with those of rounding."""
+MOST_DIGITS = 250
+"""Further digits do not count: the smallest doubles are near 1e-308."""
 ROUNDING = 1 + 2.0**-30
 """Errors of entries are enlarged by this factor, since sums of floats may be a little too small."""
 
 
-class Changes(NamedTuple):
-    """Changes of coefficients with the entries of a method.
-
-    Attributes:
-        first: ∂ coefficient/∂ x_e · δ_e, a row for each tree and a column for each entry.
-        sizes: The polynomials of the coefficients with absolute values.
-    """
-
-    first: Array
-    sizes: Array
-
-
 class Uncertainty:
-    """Uncertainties of the coefficients of a series, by tree; `compute` is called on first use.
+    """Uncertainties of the coefficients of a series, by tree; the functions are called on first use.
 
     Args:
         nodes: The number of nodes of each tree.
         relative: ε, the largest relative error of an entry.
-        compute: Gives the `Changes`.
+        changes: Gives ∂ coefficient/∂ x_e · δ_e, a row for each tree and a column for each entry.
+        sizes: Gives M for each tree.
     """
 
-    def __init__(self, nodes: Any, relative: float, compute: Callable[[], Changes]):
-        self.nodes, self.relative, self._compute = nodes, relative, compute
+    def __init__(self, nodes: Any, relative: float, changes: Callable[[], Array], sizes: Callable[[], Array]):
+        self.nodes, self.relative, self._compute = nodes, relative, (changes, sizes)
 
     @cached_property
-    def _found(self) -> Changes:
-        import numpy as np
-
-        with np.errstate(all="ignore"):
-            found = self._compute()
-            if not np.isfinite(found.first.sum() + found.sizes.sum()):
-                raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
-        return found
-
-    @property
     def changes(self) -> Array:
         """The changes with each entry to first order: a row for each tree."""
-        return self._found.first
+        return _finite(self._compute[0])
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The polynomials of the coefficients with absolute values."""
+        return _finite(self._compute[1])
 
     @cached_property
     def rest(self) -> Array:
@@ -91,7 +77,7 @@ class Uncertainty:
         import numpy as np
 
         n, relative = np.asarray(self.nodes, float), self.relative
-        return n * (n - 1) / 2 * relative**2 * (1 + relative) ** np.maximum(n - 2, 0) * self._found.sizes
+        return n * (n - 1) / 2 * relative**2 * (1 + relative) ** np.maximum(n - 2, 0) * self.sizes
 
     @cached_property
     def _bounds(self) -> list[float]:
@@ -105,40 +91,48 @@ class Uncertainty:
         """The uncertainty of coefficients taken from other trees, times factors."""
         import numpy as np
 
-        def compute() -> Changes:
-            first, sizes = (x[list(ids)] for x in self._found)
-            scale = np.array([float(x) for x in factors]) if factors is not None else np.ones(len(sizes))
-            return Changes(first * scale[:, None], sizes * abs(scale))
-
-        return Uncertainty(np.asarray(self.nodes)[list(ids)], self.relative, compute)
+        at, scale = list(ids), np.array([float(x) for x in factors or [1] * len(ids)])
+        changes, sizes = lambda: self.changes[at] * scale[:, None], lambda: self.sizes[at] * abs(scale)
+        return Uncertainty(np.asarray(self.nodes)[at], self.relative, changes, sizes)
 
     def of_logarithm(self, table: TreeTable, flow: Callable[[], Sequence[Any]]) -> Uncertainty:
         """The uncertainty of log a from that of the flow a, given its coefficients."""
 
-        def compute() -> Changes:
+        def changes() -> Array:
             import numpy as np
 
             values = np.array([to_float(x) for x in flow()])[:, None]
-            parts = _in_parts(self.changes, len(table.offsets) * table.offsets[-2])
-            found = [logarithm(table, np.hstack([values, part])) for part in parts]
-            sizes = logarithm(table, self._found.sizes[:, None], sign=1)[:, 0]
-            return Changes(np.hstack([x[:, 1:] for x in found]), sizes)
+            step = max(1, LARGEST_ARRAY // (len(table.offsets) * table.offsets[-2] + 1))
+            parts = (self.changes[:, k : k + step] for k in range(0, max(self.changes.shape[1], 1), step))
+            return np.hstack([logarithm(table, np.hstack([values, part]))[:, 1:] for part in parts])
 
-        return Uncertainty(self.nodes, self.relative, compute)
+        sizes = lambda: logarithm(table, self.sizes[:, None], sign=1)[:, 0]  # noqa: E731
+        return Uncertainty(self.nodes, self.relative, changes, sizes)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _known, (self.nodes, self.relative, self._found)
+        return _known, (self.nodes, self.relative, self.changes, self.sizes)
 
 
-def _known(nodes: Any, relative: float, found: Changes) -> Uncertainty:
-    return Uncertainty(nodes, relative, lambda: found)
+def _known(nodes: Any, relative: float, changes: Array, sizes: Array) -> Uncertainty:
+    return Uncertainty(nodes, relative, lambda: changes, lambda: sizes)
+
+
+def _finite(compute: Callable[[], Array]) -> Array:
+    """Results of floats, unless some overflowed."""
+    import numpy as np
+
+    with np.errstate(all="ignore"):
+        found = compute()
+    if not np.isfinite(found).all():
+        raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
+    return found
 
 
 def of_errors(errors: Sequence[float]) -> Uncertainty:
     """The uncertainty of coefficients with these errors, which are independent."""
     import numpy as np
 
-    return Uncertainty(np.ones(len(errors)), 0.0, lambda: Changes(np.diag(errors), np.zeros(len(errors))))
+    return _known(np.ones(len(errors)), 0.0, np.diag(errors), np.zeros(len(errors)))
 
 
 def worst_case(changes: Array, rest: Array | float = 0.0) -> list[float]:
@@ -151,9 +145,23 @@ def uncertainty_of(method: Method, inputs: MethodStages | FlowChain, table: Tree
     nodes = table.arrays[0]
     if isinstance(inputs, FlowChain):
         times, errors = _times(inputs, method.digits or 0)
-        return Uncertainty(nodes, _relative(times, errors), lambda: _chain_changes(inputs, times, errors, table))
+        changes, sizes = (
+            partial(_chain_changes, inputs, times, errors, table),
+            partial(_chain_sizes, inputs, times, table),
+        )
+        return Uncertainty(nodes, _relative(times, errors), changes, sizes)
     entries = _entries(method, inputs, table.max_order)
-    return Uncertainty(nodes, entries.relative, lambda: _weight_changes(entries, table))
+    changes, sizes = partial(_weight_changes, entries, table), partial(_weight_sizes, entries, table)
+    return Uncertainty(nodes, entries.relative, changes, sizes)
+
+
+def rough_series(method: Method, inputs: MethodStages | FlowChain, table: TreeTable) -> tuple[Array, Array]:
+    """The coefficients of a method in floats, and the same polynomials with absolute values."""
+    if isinstance(inputs, FlowChain):
+        times = _times(inputs, 1)[0]
+        return _chain(inputs, times, [], table)[:, 0], _chain_sizes(inputs, times, table)
+    entries = _entries(method, inputs, table.max_order)
+    return _weights(entries, table, range(0))[:, 0], _weight_sizes(entries, table)
 
 
 def by_differences(
@@ -161,28 +169,33 @@ def by_differences(
 ) -> Uncertainty:
     """The uncertainty of a function of the stages, to first order, from its central differences with each entry."""
 
-    def compute() -> Changes:
+    def changes() -> Array:
         import numpy as np
 
-        entries = _entries(method, stages, table.max_order)
-        scale, columns = CHANGE / entries.relative, []
+        entries, columns = _entries(method, stages, table.max_order), []
         for e in range(entries.number):
+            scale = CHANGE / entries.relative
             da, db = (entries.dense(x, y.shape, range(e, e + 1))[..., 0] * scale for x, y in entries.both)
             up, down = (
                 coefficients(MethodStages("float", stages.stages.with_entries(a.ravel().tolist(), b.ravel().tolist())))
                 for a, b in ((entries.a + da, entries.b + db), (entries.a - da, entries.b - db))
             )
             columns.append((np.array(up) - np.array(down)) / (2 * scale))
-        found = np.array(columns).T.reshape(len(table), -1)
-        return Changes(found, np.zeros(len(table)))
+        return np.array(columns).T.reshape(len(table), -1)
 
-    return Uncertainty(table.arrays[0], 0.0, compute)
+    sizes = table.arrays[0] * 0.0
+    return Uncertainty(table.arrays[0], 0.0, changes, lambda: sizes)
 
 
 def _entries(method: Method, stages: MethodStages, order: int) -> Entries:
     if isinstance(method, RungeKutta | PartitionedRungeKutta):
         return _tableau_entries(method, stages.stages)
     return _program_entries(method, order)
+
+
+def _error(x: Any, digits: int) -> float:
+    """Half a unit of the last digit of an entry."""
+    return ROUNDING * float(half_unit(x, min(digits, MOST_DIGITS)))
 
 
 def _relative(values: Sequence[float], errors: Sequence[float]) -> float:
@@ -236,10 +249,10 @@ def _tableau_entries(method: RungeKutta | PartitionedRungeKutta, stages: Stages)
         for place, x in enumerate(numbers):
             known = digits[place // length]
             if x and known is not None:
-                found[-1].append((place, count, error := ROUNDING * half_unit(x, known)))
+                found[-1].append((place, count, error := _error(x, known)))
                 count, relative = count + 1, max(relative, error / abs(to_float(x)))
     a, b = (np.array([to_float(x) for x in numbers]) for numbers in (stages.a, stages.b))
-    return Entries(a.reshape(-1, size, size), b.reshape(-1, size), *found, count, relative, range(size + 1))
+    return Entries(a.reshape(-1, size, size), b.reshape(-1, size), found[0], found[1], count, relative, range(size + 1))
 
 
 class _Dual:
@@ -269,7 +282,7 @@ def _program_entries(method: Method, order: int) -> Entries:
     """The entries of a program."""
     import numpy as np
 
-    count, relative = 0, ROUNDING * 5 * 10.0 ** -(method.digits or 0)
+    count, relative = 0, ROUNDING * 5 * 10.0 ** -min(method.digits or 0, MOST_DIGITS)
 
     def dual(x: Any) -> Any:
         nonlocal count
@@ -287,27 +300,21 @@ def _program_entries(method: Method, order: int) -> Entries:
         arrays.append(np.array([x.value if isinstance(x, _Dual) else to_float(x) for x in numbers]))
     starts = [sum(rows.sizes[:k]) for k in range(len(rows.sizes) + 1)]
     a, b = arrays
-    return Entries(a.reshape(-1, size, size), b.reshape(-1, size), *found, count, relative, starts)
+    return Entries(a.reshape(-1, size, size), b.reshape(-1, size), found[0], found[1], count, relative, starts)
 
 
-def _in_parts(changes: Array, size: int) -> list[Array]:
-    """The columns in parts, for recursions with arrays of `size` numbers for each column."""
-    step = max(1, LARGEST_ARRAY // max(size, 1))
-    return [changes[:, k : k + step] for k in range(0, changes.shape[1], step)] or [changes]
-
-
-def _weight_changes(entries: Entries, table: TreeTable) -> Changes:
+def _weight_changes(entries: Entries, table: TreeTable) -> Array:
     """The changes of the elementary weights of a method."""
     import numpy as np
 
-    size, step = entries.a.shape[-1], 1
-    step = max(1, LARGEST_ARRAY // (table.offsets[-2] * size + 1))
-    found = [
-        _weights(entries, table, range(k, min(k + step, entries.number)))[:, 1:]
-        for k in range(0, max(entries.number, 1), step)
-    ]
-    absolute = entries._replace(a=abs(entries.a), b=abs(entries.b))
-    return Changes(np.hstack(found), _weights(absolute, table, range(0))[:, 0])
+    step = max(1, LARGEST_ARRAY // (table.offsets[-2] * entries.a.shape[-1] + 1))
+    parts = (range(k, min(k + step, entries.number)) for k in range(0, max(entries.number, 1), step))
+    return np.hstack([_weights(entries, table, columns)[:, 1:] for columns in parts])
+
+
+def _weight_sizes(entries: Entries, table: TreeTable) -> Array:
+    """The elementary weights of the absolute values."""
+    return _weights(entries._replace(a=abs(entries.a), b=abs(entries.b)), table, range(0))[:, 0]
 
 
 def _weights(entries: Entries, table: TreeTable, columns: range) -> Array:
@@ -412,11 +419,21 @@ def _cuts(table: TreeTable, width: int) -> Any:
 
 def _times(flows: FlowChain, digits: int) -> tuple[list[float], list[float]]:
     """The times of flows and half a unit of the last digit of each."""
-    return [to_float(x) for x in flows.times], [ROUNDING * half_unit(x, digits) for x in flows.times]
+    return [to_float(x) for x in flows.times], [_error(x, digits) for x in flows.times]
 
 
-def _chain_changes(flows: FlowChain, times: list[float], errors: list[float], table: TreeTable) -> Changes:
-    """The changes of the coefficients of a chain of flows with each time.
+def _chain_changes(flows: FlowChain, times: list[float], errors: list[float], table: TreeTable) -> Array:
+    """The changes of the coefficients of a chain of flows with each time."""
+    return _chain(flows, times, errors, table)[:, 1:]
+
+
+def _chain_sizes(flows: FlowChain, times: list[float], table: TreeTable) -> Array:
+    """The coefficients with the absolute values of the times."""
+    return _chain(flows, [*map(abs, times)], [], table)[:, 0]
+
+
+def _chain(flows: FlowChain, times: list[float], errors: list[float], table: TreeTable) -> Array:
+    """The coefficients of a chain of flows, with their changes with each time that has an error.
 
     From the last flow to the first, a ↦ Σ_j t^j ∂_c^j a / j!, where ∂_c removes a leaf of the colour c of the flow. The
     derivative of this sum with t is its own Lie derivative ∂_c.
@@ -433,19 +450,18 @@ def _chain_changes(flows: FlowChain, times: list[float], errors: list[float], ta
                 found[tree] += np.add.reduceat(values[rest], start)
         return found
 
-    def coefficients(times: Sequence[float], errors: Sequence[float]) -> Array:
-        values = np.zeros((len(table) + 1, 1 + len(errors)))
-        values[-1, 0] = 1  # the empty tree
-        for e in reversed(range(len(times))):
-            term = values
-            for j in range(1, table.max_order + 1):
-                term = removed(term, flows.parts[e]) * (times[e] / j)
-                values = values + term
-            if errors:
-                values[:, 1 + e] += removed(values[:, :1], flows.parts[e])[:, 0] * errors[e]
-        return values[:-1]
-
-    return Changes(coefficients(times, errors)[:, 1:], coefficients([*map(abs, times)], [])[:, 0])
+    values = np.zeros((len(table) + 1, 1 + len(errors)))
+    values[-1, 0] = 1  # the empty tree
+    for k, e in enumerate(reversed(range(len(times))), 1):  # column k changes with the k-th flow from the end
+        term = values[:, : k if errors else 1]
+        total = term.copy()
+        for j in range(1, table.max_order + 1):
+            term = removed(term, flows.parts[e]) * (times[e] / j)
+            total += term
+        values[:, : total.shape[1]] = total
+        if errors:
+            values[:, k] = removed(total[:, :1], flows.parts[e])[:, 0] * errors[e]
+    return values[:-1]
 
 
 def _leaf_cuts(table: TreeTable) -> list[tuple[Array, Array, Array]]:
@@ -490,5 +506,5 @@ def word_uncertainties(flows: FlowChain, colors: int, digits: int) -> list[float
 
     nodes = [n for n in range(flows.order + 1) for _ in range(colors**n)]
     changes, sizes = np.concatenate(words(times, errors))[:, 1:], np.concatenate(words([*map(abs, times)], []))[:, 0]
-    bounds = Uncertainty(nodes, _relative(times, errors), lambda: Changes(changes, sizes))
-    return [bounds(at) for at in range(len(nodes))]
+    bounds = _known(nodes, _relative(times, errors), changes, sizes)
+    return worst_case(bounds.changes, bounds.rest)

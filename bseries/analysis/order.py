@@ -21,11 +21,12 @@ from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, fl
 from bseries.algebra.uncertainty import word_uncertainties
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
-from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, interpreted, ring_element
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.exact.entries import nearest_decimal
 from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram, as_decimals
@@ -174,7 +175,7 @@ def accuracy_of(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> Verdict:
 def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
     """Id of the first tree whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
     _check_exact(s)
-    mine, others = alike([s.stored, _exact(s.table, auxiliary)])
+    mine, others = alike([s.stored, exact_values_of(s.table, auxiliary)])
     for at in range(len(s)):
         if not mine.equals_at(others, at) and not s.may_be(at, others[at]):
             return at
@@ -189,7 +190,7 @@ def _check_exact(s: BSeries) -> None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
-def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
+def exact_values_of(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
     """1/γ, and 0 for trees with a node of an auxiliary colour."""
     exact = exact_values(table)
     if not auxiliary:
@@ -253,7 +254,7 @@ def trusted(method: Method) -> Method:
     if isinstance(method, RungeKutta):
         if method.domain != "float":
             return method
-        A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
+        A, b = ([[nearest_decimal(x) for x in row] for row in rows] for rows in (method.A, [method.b]))
         digits = min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS)
         return RungeKutta(A, b[0], name=method.name, digits=digits, warn=False)
     if isinstance(method, PartitionedRungeKutta):
@@ -287,7 +288,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     method = as_method(method)
     order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
-    exact, ids = _exact(s.table, auxiliary_colors(method)), s.table.ids(order + 1)
+    exact, ids = exact_values_of(s.table, auxiliary_colors(method)), s.table.ids(order + 1)
     values: Any = s.stored
     if values.kind == "ring" and values.ring.is_AlgebraicField:
         values = values.reduced

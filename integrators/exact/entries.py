@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from math import fsum, inf, isfinite
+from math import floor, fsum, inf, isfinite, log10
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,8 +21,6 @@ Entry: TypeAlias = "Fraction | float | sympy.Expr"
 EntryRow: TypeAlias = tuple[Entry, ...]
 Matrix: TypeAlias = tuple[EntryRow, ...]
 FLOAT_PRECISION = 2.0**-50
-MOST_FLOAT_DIGITS = 250
-"""Of more digits, only so many count: errors are doubles, whose smallest ones are near 1e-308."""
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 
 
@@ -165,18 +163,24 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     return max(published, FLOAT_PRECISION) if domain == "float" else published
 
 
-def half_unit(x: Fraction, digits: int) -> float:
-    """Half a unit of the last of the significant digits of a number; 0 for zero, which is exact.
+def nearest_decimal(x: Any) -> Fraction:
+    """The shortest decimal that rounds to the same double."""
+    return Fraction(repr(round_entry(x)))
+
+
+def half_unit(x: Any, digits: int) -> Fraction:
+    """Half a unit of the last of the significant digits of a fraction; 0 for zero, which is exact.
 
     Example:
-        >>> half_unit(Fraction("0.0123"), 3), half_unit(Fraction(7), 2)
-        (5e-05, 0.05)
+        >>> str(half_unit(Fraction("0.0123"), 3)), str(half_unit(Fraction(7), 2))
+        ('1/20000', '1/20')
     """
     if not x:
-        return 0.0
-    exponent = len(str(abs(x.numerator))) - len(str(x.denominator))  # that of the first digit, or one more
-    exponent -= abs(x) < (Fraction(10) ** exponent)
-    return float(f"5e{exponent - min(digits, MOST_FLOAT_DIGITS)}")
+        return Fraction(0)
+    # That of the first digit; the estimate is at most one too large or one too small.
+    exponent = floor((x.numerator.bit_length() - x.denominator.bit_length()) * log10(2))
+    exponent += (abs(x) >= Fraction(10) ** (exponent + 1)) - (abs(x) < Fraction(10) ** exponent)
+    return 5 * Fraction(10) ** (exponent - digits)
 
 
 def find_domain(values: Iterable[Entry]) -> str:

@@ -216,7 +216,7 @@ def _coordinates(
             f"method must have a modified equation in brackets of its parts, as splitting methods have, but {label} "
             f"has none: at h^{degree - 1} the tree {tree} breaks it"
         )
-    errors = [sum(abs(other[k]) for other, _ in moved) for k in range(len(coordinates))]
+    errors = [sum((abs(other[k]) for other, _ in moved), start=0.0) for k in range(len(coordinates))]
     nonzero = set(failing(coordinates, None if changes is None else errors))
     return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(coordinates)], errors
 

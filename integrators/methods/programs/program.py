@@ -531,10 +531,7 @@ def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]
 
 
 def as_decimals(program: Program, digits: int) -> Program:
-    """The program with floats as exact numbers, of which `digits` digits are correct."""
-
-    def exact(x: Entry) -> Fraction:
-        return Fraction(round_entry(x))
-
-    evaluations, end = mapped_program(program, lambda form: form.map(exact), exact)
+    """The program with floats as decimals, of which `digits` digits are correct."""
+    decimal = entries.nearest_decimal
+    evaluations, end = mapped_program(program, lambda form: form.map(decimal), decimal)
     return program.changed(evaluations=evaluations, result=end, digits=digits)

@@ -66,7 +66,7 @@ def test_uncertainties_are_the_worst_case(kind, operation):
     if kind in RELATIVE:
         errors = [Fraction(5, 10**DIGITS) * x for x in entries]
     else:
-        errors = [Fraction(half_unit(x, DIGITS)) for x in entries]
+        errors = [half_unit(x, DIGITS) for x in entries]
     if operation is bs.modifying_integrator:
         if kind in ("splitting", "nystrom"):
             pytest.skip("its entries are those of the stages of flows, or its trees are restricted")
@@ -91,7 +91,7 @@ def test_uncertainties_of_words_are_the_worst_case():
         vector, number = list, Fraction
 
     entries = ENTRIES[:7]
-    errors = [Fraction(half_unit(x, DIGITS)) for x in entries]
+    errors = [half_unit(x, DIGITS) for x in entries]
     flows = flow_chain(splitting(entries, DIGITS).program)
     found = word_uncertainties(type(flows)(flows.parts, flows.times, "rational", order=4), 3, DIGITS)
     assert found == pytest.approx(worst_case(words, splitting, entries, errors), rel=1e-6, abs=0)
@@ -106,7 +106,7 @@ def test_few_digits_need_terms_of_higher_order(operation):
 
     entries, order = [Fraction("0.13"), Fraction("-1.1"), Fraction("2.1")], 4
     s = operation(make(entries, 2), order)
-    errors = [Fraction(half_unit(x, 2)) for x in entries]
+    errors = [half_unit(x, 2) for x in entries]
     largest = [0.0] * len(s)
     for signs in product((-1, 1), repeat=3):
         changed = [x + sign * error for x, sign, error in zip(entries, signs, errors, strict=True)]
@@ -118,10 +118,18 @@ def test_few_digits_need_terms_of_higher_order(operation):
 
 
 def test_half_units():
-    numbers = {"1": 5e-3, "0.999": 5e-4, "-9.99": 5e-3, "1000": 5.0, "0.001": 5e-6, "0": 0.0}
-    assert {text: half_unit(Fraction(text), 3) for text in numbers} == numbers
-    assert half_unit(Fraction(1, 10**30), 2) == 5e-32
-    assert 0 < half_unit(Fraction(1, 3), 1000) < 1e-200
+    numbers = {
+        "1": "0.005",
+        "0.999": "0.0005",
+        "-9.99": "0.005",
+        "1000": "5",
+        "0.001": "5e-6",
+        "0": "0",
+        "1e-30": "5e-33",
+    }
+    assert {text: half_unit(Fraction(text), 3) for text in numbers} == {x: Fraction(y) for x, y in numbers.items()}
+    assert half_unit(Fraction(1, 3), 1000) == Fraction(5, 10**1001)
+    assert 0 < bs.series(RungeKutta([[0]], ["0.999"], digits=1000, warn=False), 1).uncertainty(0) < 1e-200
 
 
 def test_entries_beyond_floats():
