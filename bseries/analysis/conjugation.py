@@ -228,10 +228,10 @@ class _Changes:
     def __init__(self, s: BSeries, problem: EffectiveOrder | ConjugateSymplectic):
         import numpy as np
 
-        self._problem, self._table, uncertainty = problem, s.table, s.log().uncertainty
-        assert uncertainty is not None
-        values = np.array([to_float(x) for x in s.log().coefficients()])
-        self._field = self._conjugated = np.column_stack([values, uncertainty.changes])
+        self._problem, self._table, field = problem, s.table, s.log()
+        assert field.uncertainty is not None
+        values = np.array([to_float(x) for x in field.coefficients()])
+        self._field = self._conjugated = np.column_stack([values, field.uncertainty.changes])
         self._processor = np.zeros_like(self._field)
 
     def step(self, n: int) -> tuple[list[float], list[float]]:

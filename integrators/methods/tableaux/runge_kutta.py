@@ -245,7 +245,8 @@ class RungeKutta(Method):
         """Whether entries sum to a number, within their digits."""
         if self.digits is None or self.domain != "decimal":
             return entries.cancels((*values, -total), self.precision)
-        return abs(sum(values) - total) <= sum(entries.half_unit(x, self.digits) for x in values)
+        gap = abs(sum(values) - total)
+        return not gap or gap <= sum(entries.half_unit(x, self.digits) for x in values)
 
     @cached_property
     def sparsity(self) -> tuple[tuple[bool, ...], ...]:
