@@ -11,7 +11,8 @@ nodes is homogeneous of degree n in the entries, and M is the same polynomial wi
 linearly on coefficients have the worst case of the same linear combination of `changes`; so do linear parts of others.
 
 Coefficients of other programs than tableaus and splittings are made of published numbers by products and sums. They
-count as known to a relative error of 5 · 10^−d, the largest of numbers with d digits, and whole ones as exact.
+count as known to a relative error of 5 · 10^−d, the largest of numbers with d digits, and whole ones as exact; R is an
+estimate there. For modifying integrators, which are no polynomials, it is left out.
 """
 
 from __future__ import annotations

@@ -1,13 +1,15 @@
 """Uncertainties of coefficients against exact series of methods with changed entries."""
 
+import random
 from fractions import Fraction
 from itertools import product
 
+import numpy as np
 import pytest
 
 import bseries as bs
 from bseries.algebra.stages import flow_chain
-from bseries.algebra.uncertainty import word_uncertainties
+from bseries.algebra.uncertainty import conjugated, word_uncertainties
 from integrators import PartitionedRungeKutta, RungeKutta, Splitting
 from integrators.exact.entries import half_unit
 from integrators.methods.kinds.extended_runge_kutta import Rosenbrock
@@ -146,3 +148,24 @@ def test_uncertainties_do_not_depend_on_the_size_of_arrays(monkeypatch):
     at_once = found()
     monkeypatch.setattr("bseries.algebra.uncertainty.LARGEST_ARRAY", 500)
     assert found() == pytest.approx(at_once, rel=1e-12, abs=0)
+
+
+def test_changes_of_conjugated_fields_are_those_of_exact_changes():
+    """The change of log(χ a χ⁻¹) with the logarithms of a and χ, against an exact difference quotient."""
+    source, step = random.Random(1), Fraction(1, 10**12)
+
+    def field(first):
+        numbers = lambda tree: Fraction(source.randint(-9, 9), 7) if tree.order > 1 else Fraction(first)  # noqa: E731
+        return bs.BSeries.from_rule(numbers, 5, empty=0)
+
+    b, g, db, dg = field(1), field(0), field(1), field(0)
+
+    def exact(t):
+        return bs.analysis.conjugate((b + t * db).exp(), (g + t * dg).exp()).log().coefficients()
+
+    dual = [np.array([[float(x) for x in s.coefficients()] for s in pair]).T for pair in ((b, db), (g, dg))]
+    found = conjugated(b.table, *dual)
+    assert found[:, 0] == pytest.approx([float(x) for x in exact(0)], rel=1e-10)
+    quotient = [float((x - y) / (2 * step)) for x, y in zip(exact(step), exact(-step), strict=True)]
+    assert found[:, 1] == pytest.approx(quotient, rel=1e-10)
+    assert any(abs(x) > 1 for x in found[4:, 1] - dual[0][4:, 1])
