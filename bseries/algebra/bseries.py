@@ -24,6 +24,7 @@ from trees.table import TreeTable, tree_table
 from trees.tree import Tree
 
 if TYPE_CHECKING:
+    from bseries.algebra.uncertainty import Uncertainty
     from bseries.exact.domains import Coefficient
 
 EMPTY = "∅"
@@ -36,8 +37,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     has a(∅) = 1, a *field* has b(∅) = 0 and represents h · f_h. The mapping iterates over the trees in the order of its
     table; ``s["∅"]`` is the coefficient of the empty tree, excluded from iteration and `len`.
 
-    A series of a method published as decimals has `digits` and an `uncertainty`. Results of arithmetic on it have
-    digits only: the arithmetic treats the printed decimals as exact, and the results are shown rounded.
+    A series of a method published as decimals has `digits` and an `uncertainty`, and so has its logarithm. Results of
+    other arithmetic on it have digits only: it treats the printed decimals as exact, and the results are shown rounded.
 
     Series are immutable. `stored` holds the coefficients in the form of `bseries.exact.domains`. `kind` is what tables
     and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
@@ -61,7 +62,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     label: str
     kind: str
     digits: int | None
-    uncertainty: Callable[[int], float] | None
+    uncertainty: Uncertainty | None
 
     def __init__(
         self,
@@ -73,7 +74,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         label: str = "",
         kind: str | None = None,
         digits: int | None = None,
-        uncertainty: Callable[[int], float] | None = None,
+        uncertainty: Uncertainty | None = None,
     ):
         empty = exact_number(empty)
         names = check_names(names) if names and table.colors > 1 else default_names(table.colors)
@@ -185,9 +186,11 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
     def is_zero_at(self, at: int) -> bool:
         """`is_zero` for the tree with this id."""
-        if self.stored.is_zero(at):
-            return True
-        return self.uncertainty is not None and abs(self.stored[at]) <= self.uncertainty(at)
+        return self.stored.is_zero(at) or self.may_be(at, 0)
+
+    def may_be(self, at: int, value: Any) -> bool:
+        """Whether a coefficient of a method in decimals is a number, within its uncertainty."""
+        return self.uncertainty is not None and abs(self.stored[at] - value) <= self.uncertainty(at)
 
     def nonzero(self) -> list[tuple[Tree, Any]]:
         """Pairs (tree, coefficient) with nonzero coefficients (see `is_zero`)."""
@@ -346,7 +349,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             wider_step,
             field=True,
         )
-        return result_of(operation, 0, self)
+        errors = self.uncertainty and self.uncertainty.of_logarithm(self.table, self.coefficients)
+        return result_of(operation, 0, self)._replace(uncertainty=errors)
 
     def exp(self) -> BSeries:
         """The exact flow of this field over one step.
@@ -442,8 +446,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         for at, ((tree, coefficient), symmetry, density) in enumerate(zip(self.items(), *columns, strict=True)):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
-                digits = self.digits
-                error = 0.0 if self.uncertainty is None or not coefficient else self.uncertainty(at)
+                digits, error = self.digits, 0.0 if not (self.uncertainty and coefficient) else self.uncertainty(at)
                 if digits is not None and error:
                     digits = max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
                 yield SeriesTerm(tree, coefficient, coefficient / symmetry, zero, digits, symmetry, density)
@@ -477,10 +480,9 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             "empty": str(self.empty),
             "nonzero": nonzero,
         }
-        if self.digits is not None:
-            data["digits"] = self.digits
         fields: dict[str, Callable[[SeriesTerm], Any]] = presentation.term_fields(self._shown_names)
         if self.digits is not None:
+            data["digits"] = self.digits
             fields["exact"] = lambda term: str(term.coefficient)
         if (error := self.uncertainty) is not None:
             fields["error"] = lambda term: error(self.table.index(term.tree))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import FlowChain, MethodStages, RationalStages, check_method, inputs_of
+from bseries.algebra.stages import FlowChain, MethodStages, check_method, inputs_of
+from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
 from bseries.exact import recursions
-from bseries.exact.domains import Values, apply
+from bseries.exact.domains import apply
 from bseries.exact.rationals import Operation, RationalValues, log_denominator, primorial, wider_step
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
@@ -104,6 +104,8 @@ def modified_equation(
     if isinstance(method, RepeatedProgram) and method.digits is None:
         one = modified_equation(method.step, table).scale_step(Fraction(1, method.count))
         return (one * method.count).with_label(method.name, "modified")
+    if method.digits is not None:
+        return series(method, table).log().with_label(method.name, "modified")
     found = of_method(method, table, operation, 0, inputs_of(method, table.max_order))
     return found.with_label(method.name, "modified")
 
@@ -182,48 +184,10 @@ def of_method(
     operation: Callable[[Any], Operation],
     empty: int,
     inputs: MethodStages | FlowChain,
+    uncertainty: Callable[[Method, Any, TreeTable], Uncertainty] = uncertainty_of,
 ) -> BSeries:
-    """Apply an operation to the stages of a method, or to its chain of flows."""
+    """Apply an operation to the stages of a method, or to its chain of flows; decimals have an `uncertainty`."""
 
-    def values_of(inputs: MethodStages | FlowChain) -> Values:
-        return apply(table, [inputs], operation(inputs))
-
-    values, digits, uncertainty = values_of(inputs), method.digits, None
-    if digits is not None and isinstance(inputs, RationalStages | FlowChain) and inputs.kind == "rational":
-        uncertainty = Uncertainty(inputs, lambda inputs: values_of(inputs).coefficients(), digits)
-    return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=uncertainty)
-
-
-class Uncertainty:
-    """Estimated errors of the coefficients of a method whose entries are rounded to some digits.
-
-    An entry x may be any number between x (1 ± 5 · 10^−digits). The change of the coefficients with all entries, each
-    with a random but reproducible sign, is linear in so small a number: it is a difference quotient, in floats. The
-    estimate is three times the largest change in three trials, computed on first use. Rigorous bounds lose the signs
-    of the entries and exceed the true coefficients of methods such as tsit5.
-    """
-
-    CHANGE = 2.0**-26
-    """Balances the rounding errors of central differences with those of the difference quotient."""
-
-    def __init__(self, inputs: RationalStages | FlowChain, coefficients_of: Callable[[Any], list[float]], digits: int):
-        self._compute = (inputs, coefficients_of, digits)
-
-    @cached_property
-    def _spread(self) -> list[float]:
-        inputs, coefficients_of, digits = self._compute
-        largest: list[float] = []
-        sources = [(random.Random(digits), change) for change in (self.CHANGE, -self.CHANGE)]  # of the same signs
-        for _ in range(3):
-            up, down = (coefficients_of(inputs.perturbed(*source)) for source in sources)
-            changes = [abs(x - y) for x, y in zip(up, down, strict=True)]
-            largest = list(map(max, largest or changes, changes))
-        factor = 3 * 5 * 10.0**-digits / (2 * self.CHANGE)
-        return [factor * change for change in largest]
-
-    def __call__(self, at: int) -> float:
-        """The uncertainty of the coefficient of the tree with this id."""
-        return self._spread[at]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return getattr, (self._spread, "__getitem__")
+    values, digits = apply(table, [inputs], operation(inputs)), method.digits
+    errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind == "rational" else None
+    return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)

@@ -21,6 +21,7 @@ from bseries.algebra import stages as inputs
 from bseries.algebra.bseries import BSeries, check_field, check_flow, check_series, fewest_digits, result_of
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import MethodStages, RationalStages
+from bseries.algebra.uncertainty import Uncertainty, by_differences
 from bseries.exact import recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.domains import alike, apply, ring_element
@@ -209,7 +210,12 @@ def modifying_integrator(
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
     operation = partial(_modifying_operation, method, table)
-    found = of_method(method, table, operation, 0, inputs.stages_in_field(method, table.max_order))
+    stages = inputs.stages_in_field(method, table.max_order)
+
+    def uncertainty(method: Method, stages: MethodStages, table: TreeTable) -> Uncertainty:
+        return by_differences(method, stages, table, lambda x: apply(table, [x], operation(x)).coefficients())
+
+    found = of_method(method, table, operation, 0, stages, uncertainty)
     return found.with_label(method.name, "modifying")
 
 

@@ -13,6 +13,7 @@ from typing import IO, Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.presentation import KINDS
+from bseries.algebra.uncertainty import of_errors
 from bseries.exact.domains import make_values
 from bseries.exact.number_fields import MOST_COEFFICIENT
 from bseries.exceptions import SeriesError
@@ -115,7 +116,7 @@ def _read(data: Mapping[str, Any]) -> BSeries:
         label=data["method"],
         kind=data["kind"],
         digits=digits,
-        uncertainty=errors.__getitem__ if any("error" in term for term in terms) else None,
+        uncertainty=of_errors(errors) if any("error" in term for term in terms) else None,
     )
 
 

@@ -16,7 +16,6 @@ arithmetic modulo a higher power of θ is exact.
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -72,14 +71,6 @@ class RationalStages(MethodStages):
         step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
         super().__init__("rational", stages, step=step)
         self.bounds, self.terms = bounds, stages.size
-
-    def perturbed(self, source: random.Random, change: float) -> MethodStages:
-        """The stages in floats, every entry x replaced by x (1 ± change)."""
-        a, b = (
-            [to_float(x) * (1 + source.choice((-change, change))) for x in row]
-            for row in (self.stages.a, self.stages.b)
-        )
-        return MethodStages("float", self.stages.with_entries(a, b))
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -395,11 +386,6 @@ class FlowChain:
     def exponent(self) -> int:
         """k such that |a(τ)| ≤ 2^(k·n): the exact flow over the sum of all |times| is larger tree by tree."""
         return max(0, (math.ceil(sum(map(abs, self.times))) - 1).bit_length())
-
-    def perturbed(self, source: random.Random, change: float) -> FlowChain:
-        """The same flows in floats, every time t replaced by t (1 ± change)."""
-        times = [to_float(time) * (1 + source.choice((-change, change))) for time in self.times]
-        return replace(self, times=times, kind="float")
 
     def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
         """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.

@@ -9,6 +9,8 @@ from .order import error_coefficients as error_coefficients
 from .order import order_of as order_of
 from .report import check as check
 from .report import tableau_properties as tableau_properties
+from .rounding import RoundedOrder as RoundedOrder
+from .rounding import rounded_order as rounded_order
 from .structure import accuracy as accuracy
 from .structure import cubic_invariants as cubic_invariants
 from .structure import energy_preservation as energy_preservation

@@ -21,9 +21,10 @@ from typing import Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries, check_field, check_flow
 from bseries.algebra.products import compose, lie_derivative
-from bseries.analysis.order import Verdict, field_elements, flows_of
+from bseries.algebra.uncertainty import conjugated, worst_case
+from bseries.analysis.order import Verdict, field_elements, flow_of
 from bseries.analysis.structure import Coloring, Structure, closure, failing, has_blocks
-from bseries.exact.domains import make_values
+from bseries.exact.domains import make_values, to_float
 from bseries.exceptions import SeriesError
 from foundation.table import as_html
 from integrators.methods.programs.program import Method
@@ -149,11 +150,11 @@ def effective_order(method: Method | BSeries | str, order: int | None = None) ->
         J. C. Butcher, *The effective order of Runge–Kutta methods*, Lecture Notes in Mathematics 109 (1969),
         doi:10.1007/BFb0060019; S. Blanes, F. Casas, A. Murua, SIAM J. Numer. Anal. 42 (2004), 531–552 (processing).
     """
-    flows = flows_of(method, order)
-    table, node = flows[0].table, _inconsistent(flows)
+    flow = flow_of(method, order)
+    table, node = flow.table, _inconsistent(flow)
     if node is not None:
-        return ConjugateVerdict(0, table[node], table.max_order, flows[0] ** 0)
-    return _solve(flows, EffectiveOrder(table))
+        return ConjugateVerdict(0, table[node], table.max_order, flow**0)
+    return _solve(flow, EffectiveOrder(table))
 
 
 def conjugate_symplecticity(
@@ -188,48 +189,78 @@ def conjugate_symplecticity(
         E. Hairer, C. J. Zbinden, *On conjugate symplecticity of B-series integrators*, IMA J. Numer. Anal. 33 (2013).
         P. Chartier, E. Faou, A. Murua, Numer. Math. 103 (2006), 575–590.
     """
-    flows = flows_of(method, order)
-    table, node = flows[0].table, _inconsistent(flows)
+    flow = flow_of(method, order)
+    table, node = flow.table, _inconsistent(flow)
     if node is not None:
-        found = flows[0].stored[node]
+        found = flow.stored[node]
         raise SeriesError(f"method must be consistent, with the coefficient 1 of {table[node]}, but has {found!s:.60}")
-    return _solve(flows, ConjugateSymplectic(table, has_blocks(flows[0], colors_are)))
+    return _solve(flow, ConjugateSymplectic(table, has_blocks(flow, colors_are)))
 
 
-def _solve(flows: Sequence[BSeries], problem: EffectiveOrder | ConjugateSymplectic) -> ConjugateVerdict:
-    """Find the logarithm g of the processor order by order, for a flow and its samples."""
-    table = flows[0].table
-    logarithms: list[list[Any]] = [[Fraction(0)] * len(table) for _ in flows]
-    order, violating, digits = table.max_order, None, flows[0].digits
-    unit = None if digits is None else 10 ** (digits + 10)
+def _solve(s: BSeries, problem: EffectiveOrder | ConjugateSymplectic) -> ConjugateVerdict:
+    """Find the logarithm g of the processor order by order."""
+    table = s.table
+    g: list[Any] = [Fraction(0)] * len(table)
+    order, violating = table.max_order, None
+    unit = None if s.digits is None else 10 ** (s.digits + 10)
+    changes = None if s.uncertainty is None else _Changes(s, problem)
     for n in range(1, table.max_order):
-        steps, outs = [], []
-        for s, g in zip(flows, logarithms, strict=True):
-            flow = s.truncate(n + 1)
-            b, number, public = field_elements((conjugate(flow, _processor(s, g, n + 1)) if any(g) else flow).log())
-            steps.append(problem.step(n, b, number))
-            outs.append(public)
-        residuals, *nearby = (step.residuals for step in steps)
-        violating = min((steps[0].breaks[k] for k in failing(residuals, nearby)), default=None)
+        flow = s.truncate(n + 1)
+        b, number, public = field_elements((conjugate(flow, _processor(s, g, n + 1)) if any(g) else flow).log())
+        step = problem.step(n, b, number)
+        residuals, term = (None, None) if changes is None else changes.step(n)
+        violating = min((step.breaks[k] for k in failing(step.residuals, residuals)), default=None)
         if violating is not None:
             order = n
             break
-        term, *others = (list(step.term.values()) for step in steps)
-        if next(failing(term, others), None) is None:
+        if next(failing(list(step.term.values()), term), None) is None:
             continue  # it counts as zero
-        for step, g, public in zip(steps, logarithms, outs, strict=True):
-            for tree, value in step.term.items():
-                # of a method in decimals rounded to ten digits more than it has
-                g[tree] = public(value) if unit is None else Fraction(round(public(value) * unit), unit)
+        for tree, value in step.term.items():
+            # of a method in decimals rounded to ten digits more than it has
+            g[tree] = public(value) if unit is None else Fraction(round(public(value) * unit), unit)
+        if changes is not None:
+            changes.choose(n, g)
     breaks = None if violating is None else table[violating]
-    return ConjugateVerdict(order, breaks, table.max_order, _processor(flows[0], logarithms[0], table.max_order))
+    return ConjugateVerdict(order, breaks, table.max_order, _processor(s, g, table.max_order))
 
 
-def _inconsistent(flows: Sequence[BSeries]) -> int | None:
+class _Changes:
+    """Changes of the equations of `_solve` with the entries of a method in decimals, to first order."""
+
+    def __init__(self, s: BSeries, problem: EffectiveOrder | ConjugateSymplectic):
+        import numpy as np
+
+        self._problem, self._table, field = problem, s.table, s.log()
+        assert field.uncertainty is not None
+        values = np.array([to_float(x) for x in field.coefficients()])
+        self._field = self._conjugated = np.column_stack([values, field.uncertainty.changes])
+        self._processor = np.zeros_like(self._field)
+
+    def step(self, n: int) -> tuple[list[float], list[float]]:
+        """The uncertainties of the residuals and of the term g_n: both depend linearly on the field."""
+        import numpy as np
+
+        rows = list(self._conjugated[:, 1:])
+        step = self._problem.step(n, rows, float)
+        residuals, term = (
+            np.array([np.broadcast_to(x, rows[0].shape) for x in found]).reshape(-1, len(rows[0]))
+            for found in (step.residuals, step.term.values())
+        )
+        self._term = term
+        return worst_case(residuals), worst_case(term)
+
+    def choose(self, n: int, g: Sequence[Any]) -> None:
+        """Continue with the term g_n that `step` found."""
+        ids = self._table.ids(n)
+        self._processor[ids.start : ids.stop, 0] = [to_float(x) for x in g[ids.start : ids.stop]]
+        self._processor[ids.start : ids.stop, 1:] = self._term
+        self._conjugated = conjugated(self._table, self._field, self._processor)
+
+
+def _inconsistent(flow: BSeries) -> int | None:
     """The first single node whose coefficient is not 1."""
-    nodes = range(flows[0].table.colors)
-    residuals, *nearby = ([s.stored[node] - 1 for node in nodes] for s in flows)
-    return next(failing(residuals, nearby), None)
+    nodes = range(flow.table.colors)
+    return next((node for node in nodes if flow.stored[node] != 1 and not flow.may_be(node, 1)), None)
 
 
 def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:

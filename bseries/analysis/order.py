@@ -1,25 +1,24 @@
 """Order of accuracy of a method, its principal error coefficients, and the series on which its structure is decided.
 
-Exact series are decided exactly. The coefficients of a method published as decimals are known within their
-`uncertainty` only: residuals are recomputed with all coefficients perturbed at random within it, and a residual that
-changes by about its own size counts as zero.
+Exact series are decided exactly. Of a method published as decimals, a residual counts as zero if other entries with the
+same digits change it by as much, in the worst case (see `bseries.algebra.uncertainty`).
 """
 
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache, partial
-from itertools import chain, islice
-from operator import add, itemgetter
+from functools import partial
+from itertools import chain
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries, check_flow
-from bseries.algebra.modified import Uncertainty, exact_values, series, series_to
+from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain, inputs_of
+from bseries.algebra.uncertainty import word_uncertainties
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
@@ -27,6 +26,7 @@ from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.exact.entries import nearest_decimal
 from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram, as_decimals
@@ -176,11 +176,9 @@ def accuracy_of(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> Verdict:
 def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
     """Id of the first tree whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
     _check_exact(s)
-    mine, others = alike([s.stored, _exact(s.table, auxiliary)])
+    mine, others = alike([s.stored, exact_values_of(s.table, auxiliary)])
     for at in range(len(s)):
-        if mine.equals_at(others, at):
-            continue
-        if s.uncertainty is None or abs(mine[at] - others[at]) > s.uncertainty(at):
+        if not mine.equals_at(others, at) and not s.may_be(at, others[at]):
             return at
     return None
 
@@ -193,7 +191,7 @@ def _check_exact(s: BSeries) -> None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
-def _exact(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
+def exact_values_of(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
     """1/γ, and 0 for trees with a node of an auxiliary colour."""
     exact = exact_values(table)
     if not auxiliary:
@@ -234,18 +232,12 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
 
 def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
     """The order of a splitting method, as far as its words show it (see `FlowChain.words`)."""
-
-    def residuals(flows: FlowChain) -> list[Any]:
-        arithmetic, step = interpreted(flows), flows.denominator
-        words = enumerate(flows.words(colors, arithmetic))
-        return [arithmetic.element(x - step**n) for n, row in words for x in row]
-
-    uncertainty = None if digits is None else Uncertainty(flows, residuals, digits)
-    found, step = enumerate(residuals(flows)), flows.denominator
-    for n in range(flows.order + 1):
-        exact = step**n
-        for at, residual in islice(found, colors**n):
-            if residual and (uncertainty is None or abs(residual) > to_flint(Fraction(uncertainty(at))) * exact):
+    arithmetic, step = interpreted(flows), flows.denominator
+    bounds = iter([]) if digits is None else iter(word_uncertainties(flows, colors, digits))
+    for n, row in enumerate(flows.words(colors, arithmetic)):
+        for x in row:
+            residual, bound = arithmetic.element(x - step**n), next(bounds, 0)
+            if residual and (not bound or abs(residual) > to_flint(Fraction(bound)) * step**n):
                 return n - 1
     return flows.order
 
@@ -263,7 +255,7 @@ def trusted(method: Method) -> Method:
     if inputs_of(method.step if isinstance(method, RepeatedProgram) else method, 1).kind != "float":
         return method
     if isinstance(method, RungeKutta):
-        A, b = ([[Fraction(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
+        A, b = ([[nearest_decimal(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))
         digits = min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS)
         return RungeKutta(A, b[0], name=method.name, digits=digits, warn=False)
     if isinstance(method, PartitionedRungeKutta):
@@ -295,7 +287,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     method = as_method(method)
     order = order_of(method) if order is None else order and check_order(order)
     s = series(method, order + 1)
-    exact, ids = _exact(s.table, auxiliary_colors(method)), s.table.ids(order + 1)
+    exact, ids = exact_values_of(s.table, auxiliary_colors(method)), s.table.ids(order + 1)
     values: Any = s.stored
     if values.kind == "ring" and values.ring.is_AlgebraicField:
         values = values.reduced
@@ -326,32 +318,31 @@ def _simple(value: Any) -> Any:
     return exact_number(sympy.cancel(sympy.expand(value)))
 
 
-def flows_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
-    """The flow of a method with its samples (see `samples_of`)."""
+def flow_of(method: Method | BSeries | str, order: int | None) -> BSeries:
+    """The flow of a method."""
     if isinstance(method, BSeries):
         check_flow(method, "method")
-    return samples_of(method, order)
+    return decidable(method, order)
 
 
-def fields_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
-    """The modified equation of a method, or a field itself, with its samples (see `samples_of`)."""
-    samples = samples_of(method, order)
-    if samples[0].empty == 0:
-        return samples
-    check_flow(samples[0], "method")
-    return [s.log() for s in samples]
+def field_of(method: Method | BSeries | str, order: int | None) -> BSeries:
+    """The modified equation of a method, or a field itself."""
+    s = decidable(method, order)
+    if s.empty == 0:
+        return s
+    check_flow(s, "method")
+    return s.log()
 
 
-def samples_of(method: Method | BSeries | str, order: int | None) -> list[BSeries]:
-    """A series, or that of a method, up to some order; for decimals followed by perturbations within their digits."""
+def decidable(method: Method | BSeries | str, order: int | None) -> BSeries:
+    """A series, or that of a method, up to some order, whose structure can be decided: its errors are known."""
     method = as_method(method)
     s = series_of(method, order)
     if not isinstance(method, BSeries) and auxiliary_colors(method):
         parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
         raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
     _check_exact(s)
-    found = [] if s.uncertainty is None else _perturbed(s.stored, s.uncertainty, s.digits or 0)
-    return [s, *(BSeries(s.table, values, s.empty, names=s.names) for values in found)]
+    return s
 
 
 def series_of(method: Method | BSeries, order: int | None) -> BSeries:
@@ -368,24 +359,6 @@ def structure_order(method: Method, accuracy: int) -> int:
     if method.digits is not None or method.parameters:
         return max(4, min(accuracy + 1, most))
     return min(max(accuracy + 2, LEAST_NODES), most)
-
-
-@lru_cache(maxsize=2)
-def _perturbed(values: RationalValues, uncertainty: Callable[[int], float], digits: int) -> list[RationalValues]:
-    """Four random perturbations, the same ones for each test."""
-    source, scale = random.Random(digits), 10 ** (digits + 6)
-    ranges = [uncertainty(at) * scale for at in range(len(values.table))]
-    denominators = [math.lcm(d, scale) for d in values.denominators]
-    numerators = [
-        int(x) * (denominators[n] // values.denominators[n])
-        for n, x in zip(values.table.lists[0], values.raw, strict=True)
-    ]
-    units, found = [d // scale for d in denominators], []
-    for _ in range(4):
-        changes = [round(source.uniform(-r, r)) * units[n] for n, r in zip(values.table.lists[0], ranges, strict=True)]
-        changed = list(map(add, numerators, changes))
-        found.append(RationalValues(values.table, changed, denominators, math.lcm(values.step, scale)))
-    return found
 
 
 def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:

@@ -22,6 +22,7 @@ from bseries.analysis.order import (
     structure_order,
     trusted,
 )
+from bseries.analysis.rounding import RoundedOrder, hidden_order
 from bseries.analysis.simplifying_assumptions import Assumptions, simplifying_assumptions
 from bseries.analysis.stability import criteria
 from bseries.analysis.stability.field_elements import has_exact_zero_test
@@ -76,6 +77,7 @@ class Report(NamedTuple):
         structure: Properties that hold up to some order, each with its verdict.
         assumptions: The simplifying assumptions B(p), C(q), D(r); None where they are not decided.
         stability: Linear stability and contractivity (see `tableau_properties`).
+        rounded: The order of the method if its entries are rounded numbers, where it is larger (see `rounded_order`).
     """
 
     method: Method
@@ -87,6 +89,7 @@ class Report(NamedTuple):
     structure: dict[str, Verdict | ConjugateVerdict]
     assumptions: Assumptions | None
     stability: dict[str, Any]
+    rounded: RoundedOrder | None = None
 
     @property
     def _names(self) -> tuple[str, ...] | None:
@@ -115,6 +118,8 @@ class Report(NamedTuple):
             "order": self.order,
             "tested_to": self.tested_to,
         }
+        if self.rounded is not None:
+            data["rounded_order"] = self.rounded._asdict()
         if self.embedded_orders:
             data["embedded_orders"] = list(self.embedded_orders)
         verdicts = {
@@ -236,6 +241,7 @@ def check(method: Method | str, order: int | None = None) -> Report:
         structure_of(method, nodes, found),
         simplifying_assumptions(method, 2 * method.stages + 1) if is_rational else None,
         tableau_properties(method) if is_tableau else {},
+        hidden_order(method, found),
     )
 
 
@@ -249,8 +255,7 @@ def structure_of(method: Method, order: int, accuracy: int) -> dict[str, Verdict
         flow = BSeries(table, exact_values(table), 1, names=exact.names)
     else:
         flow = series(exact, order)
-    # The uncertainty of a field in decimals is known only for the field of a method.
-    field = modified_equation(flow) if flow.uncertainty is None else modified_equation(exact, order)
+    field = modified_equation(flow)
     found: dict[str, Any] = {}
     for structure in (*STRUCTURES, *CONJUGATE_STRUCTURES):
         try:
@@ -350,6 +355,8 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     """The rows of the table above the error coefficients."""
     method = report.method
     yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
+    if report.rounded is not None:
+        yield f"order to {report.rounded.digits} digits", str(report.rounded.order)
     yield "order conditions tested", f"to {report.tested_to} nodes"
     if report.embedded_orders:
         yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
@@ -383,6 +390,11 @@ def _notes(report: Report) -> Iterator[str]:
     if report.error is not None:
         p = report.order
         yield f"e(τ) = (a(τ) - 1/γ(τ))/σ(τ): the error of a step is h^{p + 1} Σ e(τ) F(τ) + O(h^{p + 2})."
+    if report.rounded is not None:
+        yield (
+            f"The residuals up to order {report.rounded.order} are those of entries rounded to {report.rounded.digits} "
+            f"digits: with digits = {report.rounded.digits} they count as zero."
+        )
     if report.method.digits is not None:
         yield (
             f"The tableau has decimals with {report.method.digits} correct digits: numbers are rounded to as many, "

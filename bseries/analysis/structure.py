@@ -22,13 +22,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
 from functools import lru_cache
 from itertools import compress, count
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from bseries.algebra.bseries import BSeries, check_field
 from bseries.algebra.stages import auxiliary_colors
-from bseries.analysis.order import Verdict, accuracy_of, fields_of, flows_of, samples_of, series_of, verdict
+from bseries.algebra.uncertainty import worst_case
+from bseries.analysis.order import Verdict, accuracy_of, decidable, field_of, flow_of, series_of, verdict
+from bseries.exact.domains import to_float
 from bseries.exceptions import SeriesError
 from integrators.core.arguments import canonical_names
 from integrators.exact.polynomials import to_flint
@@ -97,6 +100,26 @@ class StructureConditions:
             sums[self._paired] -= values[self._first] * values[self._second]
         return sums.tolist()
 
+    def uncertainties(self, s: BSeries, *, flow: bool) -> list[float]:
+        """The uncertainties of the residuals of a series in decimals."""
+        import numpy as np
+
+        uncertainty: Any = s.uncertainty
+        if not self.breaks:
+            return []
+        start, factors = self._start[:-1], self._factor
+        changes = np.add.reduceat(uncertainty.changes[self._tree] * factors[:, None], start)
+        rest = np.add.reduceat(uncertainty.rest[self._tree] * abs(factors), start)
+        if flow:  # the product of a(u) + δ(u) and a(v) + δ(v)
+            values = np.array([to_float(x) for x in s.coefficients()])
+            errors = np.array(worst_case(uncertainty.changes, uncertainty.rest))
+            u, v = self._first, self._second
+            first, second = uncertainty.changes[u] * values[v, None], uncertainty.changes[v] * values[u, None]
+            changes[self._paired] -= first + second
+            rest[self._paired] += abs(values[u]) * uncertainty.rest[v] + abs(values[v]) * uncertainty.rest[u]
+            rest[self._paired] += errors[u] * errors[v]
+        return worst_case(changes, rest)
+
 
 def cached_conditions(
     build: Callable[[TreeTable, bool], Iterator[Row]],
@@ -139,21 +162,21 @@ def ids_within(table: TreeTable, whole: TreeTable) -> dict[int, int]:
     return {place: tree for tree, place in enumerate(places)}
 
 
-def decide(conditions: StructureConditions, samples: Sequence[BSeries], *, flow: bool = False) -> Verdict:
-    """Decide conditions on a series, the first of its `samples`."""
-    if len(samples) == 1:
-        values = [samples[0].stored.homogeneous(flow=flow)]
-    else:  # decimals
-        values = [list(map(to_flint, s.stored.coefficients())) for s in samples]
-    residuals, *nearby = (conditions.residuals(x, flow=flow) for x in values)
-    violating = min((conditions.breaks[k] for k in failing(residuals, nearby)), default=None)
-    return verdict(samples[0].table, violating)
+def decide(conditions: StructureConditions, s: BSeries, *, flow: bool = False) -> Verdict:
+    """Decide conditions on a series."""
+    if s.uncertainty is None:
+        residuals, bounds = conditions.residuals(s.stored.homogeneous(flow=flow), flow=flow), None
+    else:
+        values = list(map(to_flint, s.stored.coefficients()))
+        residuals, bounds = conditions.residuals(values, flow=flow), conditions.uncertainties(s, flow=flow)
+    violating = min((conditions.breaks[k] for k in failing(residuals, bounds)), default=None)
+    return verdict(s.table, violating)
 
 
-def failing(residuals: Sequence[Any], nearby: Sequence[Sequence[Any]]) -> Iterator[int]:
-    """Indices of nonzero residuals; `nearby` are the residuals of the other samples of a series in decimals."""
+def failing(residuals: Sequence[Any], bounds: Sequence[float] | None) -> Iterator[int]:
+    """Indices of residuals that are not zero; of a series in decimals, not within its uncertainty."""
     for k in compress(count(), residuals):
-        if not nearby or abs(residuals[k]) > 3 * max(abs(other[k] - residuals[k]) for other in nearby):
+        if bounds is None or abs(residuals[k]) > to_flint(Fraction(bounds[k])):
             yield k
 
 
@@ -212,8 +235,8 @@ def symmetry(method: Method | BSeries | str, order: int | None = None) -> Verdic
     References:
         HLW, theorems II.3.2 and IX.2.2.
     """
-    fields = [s.log() for s in flows_of(method, order)]
-    return decide(symmetry_conditions(fields[0].table, False), fields)
+    field = flow_of(method, order).log()
+    return decide(symmetry_conditions(field.table, False), field)
 
 
 @cached_conditions
@@ -298,12 +321,12 @@ def symplecticity(method: Method | BSeries | str, order: int | None = None, *, c
         HLW, section VI.7 (quadratic invariants first, symplecticity from them; B-series, then P-series).
         A. L. Araújo, A. Murua, J. M. Sanz-Serna, SIAM J. Numer. Anal. 34 (1997), 1926–1947 (parts).
     """
-    flows = flows_of(method, order)
-    table, blocks = flows[0].table, has_blocks(flows[0], colors_are)
+    flow = flow_of(method, order)
+    table, blocks = flow.table, has_blocks(flow, colors_are)
     conditions = hamiltonian_conditions(table, blocks)
     if closure(table, blocks) == table:
-        return decide(conditions, flows, flow=True)
-    return decide(conditions, [s.log() for s in flows])
+        return decide(conditions, flow, flow=True)
+    return decide(conditions, flow.log())
 
 
 def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: Coloring = None) -> Verdict:
@@ -322,8 +345,8 @@ def hamiltonian_field(field: BSeries, order: int | None = None, *, colors_are: C
         HLW, section IX.9 on elementary Hamiltonians, section IX.10 for blocks.
     """
     check_field(field, "field")
-    fields = samples_of(field, order)
-    return decide(hamiltonian_conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+    s = decidable(field, order)
+    return decide(hamiltonian_conditions(s.table, has_blocks(s, colors_are)), s)
 
 
 @cached_conditions
@@ -484,8 +507,8 @@ def _decide_field(
     colors_are: Coloring,
 ) -> Verdict:
     """The verdict of conditions on the modified equation of a method, or on a field."""
-    fields = fields_of(method, order)
-    return decide(conditions(fields[0].table, has_blocks(fields[0], colors_are)), fields)
+    field = field_of(method, order)
+    return decide(conditions(field.table, has_blocks(field, colors_are)), field)
 
 
 class Structure(NamedTuple):

@@ -46,7 +46,7 @@ def read_method(text: str) -> Method:
     Args:
         text: A name; JSON, which starts with a brace; TOML, which has an equals sign; or one row on each line, entries
             separated by spaces or commas. The last row are the weights; a further entry at the beginning of all other
-            rows is the node.
+            rows is the node. A last line such as ``digits = 15`` is the number of correct digits of decimals.
 
     Raises:
         IntegratorError: The text is no method.
@@ -62,10 +62,12 @@ def read_method(text: str) -> Method:
         warnings.simplefilter("ignore", TableauWarning)  # the page lists `issues`
         if not text:
             raise SeriesError("method must be a name such as rk4 or a tableau, but was empty")
+        text, digits = _without_digits(text)
         if text.startswith("{") or "=" in text:
             found = loads_method(text, "json" if text.startswith("{") else "toml", source="method")
         elif "\n" in text or ";" in text:
-            found = _method_of_rows([_entries(line) for line in re.split(r"[\n;]", text) if line.strip(" |\t\r")])
+            lines = [line for line in re.split(r"[\n;]", text) if line.strip(" |\t\r")]
+            found = _method_of_rows(list(map(_entries, lines)), digits)
         else:
             found = method(text)
     return checked_method(found)
@@ -78,7 +80,13 @@ def checked_method(method: Method) -> Method:
     return method
 
 
-def _method_of_rows(rows: list[list[str]]) -> Method:
+def _without_digits(text: str) -> tuple[str, int | None]:
+    """Rows of a tableau, and the number of digits on a last line of its own."""
+    found = re.fullmatch(r"([^={]*[\n;][^={]*)[\n;]\s*digits\s*=\s*(\d{1,9})[\s;]*", text)
+    return (found[1], int(found[2])) if found else (text, None)
+
+
+def _method_of_rows(rows: list[list[str]], digits: int | None) -> Method:
     *matrix, weights = rows or [[]]
     lengths, stages = {len(row) for row in matrix}, len(weights)
     if not stages or len(matrix) != stages or lengths not in ({stages}, {stages + 1}):
@@ -88,7 +96,7 @@ def _method_of_rows(rows: list[list[str]]) -> Method:
             f"had rows of {shape or 0}"
         )
     nodes = [row.pop(0) for row in matrix] if lengths == {stages + 1} else None
-    return RungeKutta(matrix, weights, nodes)
+    return RungeKutta(matrix, weights, nodes, digits=digits)
 
 
 def _entries(line: str) -> list[str]:

@@ -8,7 +8,7 @@ smaller table is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -440,7 +440,7 @@ def _make(
     if trees.table != trees.shapes:
         plain_id = shapes(trees.table, trees.shapes)
         chosen = make_values(trees.table, [values[at] for at in plain_id])
-        uncertainty = plain.uncertainty and partial(mapped_uncertainty, plain.uncertainty, plain_id)
+        uncertainty = plain.uncertainty and plain.uncertainty.mapped(plain_id)
         plain = BSeries(trees.table, chosen, plain.empty, digits=plain.digits, uncertainty=uncertainty)
     return SceneSeries(scene, trees, plain.with_label(f"{title} of {method.name}"), route=route)
 
@@ -453,11 +453,6 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
     for u, v in zip(left, right, strict=True):
         found.append(0 if u < 0 else product(found[u], found[v]))
     return found
-
-
-def mapped_uncertainty(uncertainty: Callable[[int], float], ids: Sequence[int], at: int) -> float:
-    """The uncertainty of a coefficient taken from another tree; a function of a module, for pickling."""
-    return uncertainty(ids[at])
 
 
 def read_order(method: Any, order: int | None, *, is_map: bool = False) -> int:

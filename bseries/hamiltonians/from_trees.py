@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import mpmath
@@ -33,7 +33,6 @@ from bseries.fields.modified_fields import (
     SceneSeries,
     SceneTrees,
     flat_fields,
-    mapped_uncertainty,
     trees_of_method,
     trees_of_series,
 )
@@ -361,14 +360,15 @@ def energy_series(trees: EnergyTrees) -> EnergySeries:
     table, field = trees.table, trees.field
     count, total = len(trees.scene.field_pieces), sum(count_trees(table.max_order, table.colors))
     values, sources, coefficients = field.coefficients(), [0] * len(table), [Fraction(0)] * len(table)
+    factors = [Fraction(0)] * len(table)
     for tree, (source, factor) in enumerate(_twins(trees, count)):
         if factor and source < 0:
             raise SeriesError(
                 f"series must be on a table that holds each tree with its root moved, but {field.table!r} does not"
             )
         if factor:
-            sources[tree], coefficients[tree] = source, factor * values[source]
-    uncertainty = field.uncertainty and partial(mapped_uncertainty, field.uncertainty, sources)
+            sources[tree], factors[tree], coefficients[tree] = source, factor, factor * values[source]
+    uncertainty = field.uncertainty and field.uncertainty.mapped(sources, factors)
     label = field.label or "a series"
     series = BSeries(
         table, make_values(table, coefficients), 0, label=label, digits=field.digits, uncertainty=uncertainty

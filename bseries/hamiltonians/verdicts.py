@@ -13,6 +13,7 @@ derivatives suffice in any dimension. With symbolic parameters, formulas decide.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from random import Random
 from typing import Any, NamedTuple
 
@@ -21,8 +22,9 @@ import mpmath
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
 from bseries.algebra.stages import check_method
-from bseries.analysis.order import Verdict, order_of, samples_of, trusted
-from bseries.analysis.structure import SEPARABLE, failing, hamiltonian_field
+from bseries.analysis.order import Verdict, decidable, order_of, trusted
+from bseries.analysis.structure import SEPARABLE, hamiltonian_field
+from bseries.exact.domains import make_values
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
@@ -232,9 +234,15 @@ def hamiltonian_order(f: SceneSeries) -> int:
     numbers = [*f.scene.parameter_values.values(), *f.weights]
     if not any(getattr(x, "free_symbols", ()) for x in numbers):
         with mpmath.workdps(DIGITS):  # the first term with a defect at a random point
-            samples = [_defects(SceneSeries(f.scene, f.trees, s), structure) for s in samples_of(f.series, None)]
-            residuals = [x if abs(x) > NOISE * size else 0 for x, size in samples[0]]
-            return min(failing(residuals, [[x for x, _ in nearby] for nearby in samples[1:]]), default=f.order)
+            found = _defects(f, structure)
+            bounds = [NOISE * size for _, size in found]
+            uncertainty = decidable(f.series, None).uncertainty
+            for change in () if uncertainty is None else uncertainty.changes.T.tolist():
+                s = BSeries(f.series.table, make_values(f.series.table, map(Fraction, change)), f.series.empty)
+                moved = _defects(SceneSeries(f.scene, f.trees, s), structure)
+                bounds = [bound + abs(x) for bound, (x, _) in zip(bounds, moved, strict=True)]
+            exceeded = (abs(x) > bound for (x, _), bound in zip(found, bounds, strict=True))
+            return next((k for k, exceeds in enumerate(exceeded) if exceeds), f.order)
     inverse = inverse_structure(f)
     holds = (is_gradient(f.formulas.ring, covector(f, inverse, k)) for k in range(f.order))
     return next((k for k, holds_here in enumerate(holds) if not holds_here), f.order)

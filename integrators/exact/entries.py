@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from math import fsum, inf, isfinite
+from math import floor, fsum, inf, isfinite, log10
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -161,6 +161,26 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     """The relative error of entries: 0 if exact, else that of the published digits or of doubles."""
     published = Fraction(0) if digits is None else Fraction(10, 10**digits)
     return max(published, FLOAT_PRECISION) if domain == "float" else published
+
+
+def nearest_decimal(x: Any) -> Fraction:
+    """The shortest decimal that rounds to the same double."""
+    return Fraction(repr(round_entry(x)))
+
+
+def half_unit(x: Any, digits: int) -> Fraction:
+    """Half a unit of the last of the significant digits of a fraction; 0 for zero, which is exact.
+
+    Example:
+        >>> str(half_unit(Fraction("0.0123"), 3)), str(half_unit(Fraction(7), 2))
+        ('1/20000', '1/20')
+    """
+    if not x:
+        return Fraction(0)
+    # That of the first digit; the estimate is at most one too large or one too small.
+    exponent = floor((x.numerator.bit_length() - x.denominator.bit_length()) * log10(2))
+    exponent += (abs(x) >= Fraction(10) ** (exponent + 1)) - (abs(x) < Fraction(10) ** exponent)
+    return 5 * Fraction(10) ** (exponent - digits)
 
 
 def find_domain(values: Iterable[Entry]) -> str:

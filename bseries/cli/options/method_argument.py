@@ -55,10 +55,13 @@ def takes_method(
         @click.option(
             "--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."
         )
+        @click.option(
+            "--digits", type=int, metavar="N", help="Correct digits of decimals, inline or in a file; by default exact."
+        )
         @functools.wraps(verb)
-        def read(*, source: Any, settings: Any, **options: Any) -> Any:
+        def read(*, source: Any, settings: Any, digits: Any, **options: Any) -> Any:
             inline = {name: value for name in INLINE if (value := options.pop(name)) is not None}
-            method = read_method(source, inline, settings)
+            method = read_method(source, inline, settings, digits)
             if method is None and required:
                 raise Refusal(missing)
             return verb(method=method, **options)
@@ -68,7 +71,9 @@ def takes_method(
     return decorate
 
 
-def read_method(source: str | None, inline: Mapping[str, str] = {}, settings: Iterable[str] = ()) -> Method | None:
+def read_method(
+    source: str | None, inline: Mapping[str, str] = {}, settings: Iterable[str] = (), digits: int | None = None
+) -> Method | None:
     """The method of the command line; inconsistencies of a tableau are printed as warnings."""
     from integrators import RungeKutta, TableauWarning, load_method
     from integrators import method as catalogue_method
@@ -77,6 +82,8 @@ def read_method(source: str | None, inline: Mapping[str, str] = {}, settings: It
     if source is None and not inline:
         if values:
             raise Refusal("set must come with a METHOD that has parameters, but there was none")
+        if digits is not None:
+            raise Refusal("digits must come with a tableau, but there was none")
         return None
     if source is not None and inline:
         raise Refusal(f"METHOD must be left out where --A gives a tableau, but was {source!r:.60}")
@@ -86,9 +93,11 @@ def read_method(source: str | None, inline: Mapping[str, str] = {}, settings: It
             names = [name.strip() for name in inline.get("symbols", "").split(",") if name.strip()]
             rows = [split_row(row) for row in inline.get("A", "").split(";")] if inline.get("A", "").strip() else []
             nodes = split_row(inline["c"]) if "c" in inline else None
-            tableau = RungeKutta(rows, split_row(inline.get("b", "")), nodes, parameters=names)
+            tableau = RungeKutta(rows, split_row(inline.get("b", "")), nodes, parameters=names, digits=digits)
         elif is_file(source, SUFFIXES):
-            tableau = load_method(standard_input().buffer if source == "-" else source)
+            tableau = load_method(standard_input().buffer if source == "-" else source, digits=digits)
+        elif digits is not None:
+            raise Refusal(f"digits must be left out for a method of the catalogue, but was {digits}")
         else:
             return catalogue_method(source, **values)
         tableau = tableau.substitute(values)

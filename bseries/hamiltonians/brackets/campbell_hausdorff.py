@@ -17,7 +17,7 @@ from typing import Any
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
-from bseries.analysis.order import field_elements, fields_of, trusted
+from bseries.analysis.order import field_elements, field_of, trusted
 from bseries.analysis.structure import SEPARABLE, failing
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
@@ -72,7 +72,7 @@ def bracket_hamiltonian(
             raise SeriesError(f"quadratic_kinetic must be None for a series, but was {quadratic_kinetic!r:.60}")
         label = method.label or "a series"
         check_parts(method.names, label)
-        return _in_brackets(fields_of(method, order), method.names, label)
+        return _in_brackets(field_of(method, order), method.names, label)
     check_parts(check_method(method).names, method.name)
     if quadratic_kinetic is None:
         kinetic = kinetic_of(method.max_children, len(method.names))
@@ -161,8 +161,8 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
         bounds = SEPARABLE
     else:
         raise SeriesError(f"method must be made of flows where it has {colors} parts, but {method.name} is not")
-    fields = fields_of(series(trusted(method), tree_table(order, colors, bounds)), None)
-    return _in_brackets(fields, method.names, method.name, kinetic, **shown)
+    field = field_of(series(trusted(method), tree_table(order, colors, bounds)), None)
+    return _in_brackets(field, method.names, method.name, kinetic, **shown)
 
 
 def check_parts(names: Sequence[str], label: str) -> None:
@@ -172,16 +172,17 @@ def check_parts(names: Sequence[str], label: str) -> None:
 
 
 def _in_brackets(
-    fields: Sequence[BSeries], names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
+    field: BSeries, names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
 ) -> BracketSeries:
-    """A field as a sum of brackets; `fields` are the field and its samples within the uncertainty."""
-    field, parts = fields[0], shown_names(names)
+    """A field as a sum of brackets."""
+    parts = shown_names(names)
     letters = sorted(range(len(parts)), key=lambda color: (parts[color] != "T", color))
     algebra = lie_algebra(field.table, tuple(letters))
-    samples = [field_elements(sample) for sample in fields]
+    elements = field_elements(field)
+    changes = None if field.uncertainty is None else field.uncertainty.changes.T.tolist()
     terms, errors = [], {}
     for degree in range(1, field.order + 1):
-        term, error = _coordinates(algebra, degree, samples, names, label)
+        term, error = _coordinates(algebra, degree, elements, changes, names, label)
         brackets = [tuple(parts[letters[x]] for x in word) for word in algebra.basis(degree)]
         terms.append(dict(zip(brackets, term, strict=True)))
         errors.update(zip(brackets, error, strict=True))
@@ -198,23 +199,27 @@ def _in_brackets(
 
 
 def _coordinates(
-    algebra: LieAlgebra, degree: int, samples: Sequence[tuple[list[Any], Any, Any]], names: Sequence[str], label: str
-) -> tuple[list[Any], list[float]]:
-    """The coordinates of the term of a degree, and their deviations in the samples; 0 within the uncertainty."""
-    found = [algebra.coordinates(degree, values, number) for values, number, _ in samples]
-    trees = sorted(set().union(*(rest for _, rest in found)))
-    residuals, *nearby = ([rest.get(tree, 0) for tree in trees] for _, rest in found)
-    violated = next(failing(residuals, nearby), None)
+    algebra: LieAlgebra, degree: int, elements: tuple[list[Any], Any, Any], changes: list[list[float]] | None,
+    names: Sequence[str], label: str,
+) -> tuple[list[Any], list[float]]:  # fmt: skip
+    """The coordinates of the term of a degree, 0 within the uncertainty, and their uncertainties.
+
+    `changes` are those of the field with each entry of a method in decimals; the coordinates depend linearly on it.
+    """
+    values, number, public = elements
+    coordinates, rest = algebra.coordinates(degree, values, number)
+    trees, moved = sorted(rest), [algebra.coordinates(degree, values, float) for values in changes or ()]
+    bounds = [sum(abs(other.get(tree, 0.0)) for _, other in moved) for tree in trees]
+    violated = next(failing([rest[tree] for tree in trees], None if changes is None else bounds), None)
     if violated is not None:
         tree = algebra.table[trees[violated]].text(names)
         raise SeriesError(
             f"method must have a modified equation in brackets of its parts, as splitting methods have, but {label} "
             f"has none: at h^{degree - 1} the tree {tree} breaks it"
         )
-    values, *others = (coordinates for coordinates, _ in found)
-    nonzero, public = set(failing(values, others)), samples[0][2]
-    errors = [max((abs(float(other[k] - x)) for other in others), default=0.0) for k, x in enumerate(values)]
-    return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(values)], errors
+    errors = [sum((abs(other[k]) for other, _ in moved), start=0.0) for k in range(len(coordinates))]
+    nonzero = set(failing(coordinates, None if changes is None else errors))
+    return [exact_number(public(x) if k in nonzero else 0) for k, x in enumerate(coordinates)], errors
 
 
 MOST_BRACKETS = 800  # largest number of brackets, which takes one or two minutes: two parts to order 12

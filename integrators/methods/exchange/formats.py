@@ -156,6 +156,8 @@ class Entries:
     def __init__(self, *, fractions: bool) -> None:
         self.fractions = fractions
         self.known: list[int] = []
+        self.longest = 0
+        """The largest number of significant digits of a decimal."""
 
     @property
     def digits(self) -> int | None:
@@ -174,6 +176,7 @@ class Entries:
         # Significant digits of decimals; integers have none.
         decimals = [x for x in LITERAL.findall(values) if "." in x] if isinstance(values, str) else []
         counts = [len(re.sub("[eE].*", "", x).replace(".", "").strip("0")) for x in decimals]
+        self.longest = max(self.longest, *counts, 0)
         if isinstance(entry, Fraction) and max(counts, default=0) >= DOUBLE_DIGITS:
             return self._inexact(entry, max(counts))
         return entry

@@ -23,6 +23,8 @@ from integrators.methods.tableaux.weights import order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
+LEAST_ROUNDED = 10
+"""Decimals with fewer digits are exact: as doubles they satisfy order conditions to 9 digits."""
 
 
 def export_tableau(method: Method | str, format: str) -> str:
@@ -67,11 +69,13 @@ def export_tableau(method: Method | str, format: str) -> str:
 
 
 def import_tableau(
-    source: Any, format: str | None = None, name: str | None = None, *, fractions: bool = False
-) -> RungeKutta:
+    source: Any, format: str | None = None, name: str | None = None, *, fractions: bool = False,
+    digits: int | None = None,
+) -> RungeKutta:  # fmt: skip
     """The method of a tableau in the text or the objects of another package.
 
-    Text is read and never evaluated. Decimals in it are exact; the tableau has `digits` if some have 16 or more.
+    Text is read and never evaluated. Decimals in it are exact; the tableau has `digits` if some have 16 or more, or
+    if decimals of at least 10 digits satisfy order conditions as doubles that they violate exactly.
     Doubles in objects become their shortest decimals, with 16 digits, unless they are integers or binary fractions.
 
     Args:
@@ -84,6 +88,7 @@ def import_tableau(
         fractions: Whether doubles and long decimals become the fractions behind them: each the nearest with a
             denominator of at most 10^6, if it rounds to the same double. This needs all entries to be such fractions,
             and row sums and order conditions that then hold exactly; else the decimals stay.
+        digits: The number of correct significant digits of decimals; by default that of the longest.
 
     Returns:
         The method, with its embedded weights. SciPy's ``Radau`` is the exact ``radau-iia3``; its error estimate is not
@@ -109,10 +114,17 @@ def import_tableau(
     else:
         known = _known(source)
         if known is not None:
-            return known
+            return known if digits is None else known.with_digits(digits)
         form, arrays, title = _of_object(source, format)
     build = partial(_built, form, arrays, name or title)
-    method = build(Entries(fractions=False))
+    entries = Entries(fractions=False)
+    method = build(entries)
+    if digits is not None:
+        method = method.with_digits(digits)
+    elif (
+        method.domain == "QQ" and entries.longest >= LEAST_ROUNDED and _orders(method, object) != _orders(method, float)
+    ):
+        method = method.with_digits(entries.longest)
     if fractions and method.digits is not None:
         exact = build(Entries(fractions=True))
         method = exact if _is_confirmed(exact, method) else method
@@ -202,13 +214,15 @@ def _tableau(form: Format, arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, An
 
 def _is_confirmed(exact: RungeKutta, decimals: RungeKutta) -> bool:
     """Whether all entries are fractions whose row sums are the nodes and that have the orders of the decimals."""
-    import numpy as np
-
     if exact.digits is not None or exact.issues or exact.row_sums != exact.c:
         return False
+    return _orders(exact, object) == _orders(decimals, float)
 
-    def found_orders(method: RungeKutta, kind: Any) -> list[int]:
-        A, b, *rows = (np.array(values, dtype=kind) for values in (method.A, method.b, *method.embedded))
-        return [order_of_weights(A, b), *(order_of_weights(A, row - b, 0) for row in rows)]
 
-    return found_orders(exact, object) == found_orders(decimals.to_float(), float)
+def _orders(method: RungeKutta, kind: Any) -> list[int]:
+    """The order of a method, and to which its rows of embedded weights agree with it, exactly or in doubles."""
+    import numpy as np
+
+    shown = method.to_float() if kind is float else method
+    A, b, *rows = (np.array(values, dtype=kind) for values in (shown.A, shown.b, *shown.embedded))
+    return [order_of_weights(A, b), *(order_of_weights(A, row - b, 0) for row in rows)]

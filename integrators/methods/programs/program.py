@@ -479,10 +479,10 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
     def change(form: LinearForm) -> LinearForm:
         return LinearForm.of_entries(form.start, {e: multiply_entries(x, own[e]) for e, x in form.terms.items()})
 
-    return _mapped(program, change, lambda time: multiply_entries(time, factor))
+    return mapped_program(program, change, lambda time: multiply_entries(time, factor))
 
 
-def _mapped(
+def mapped_program(
     program: Program, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
 ) -> tuple[tuple[Evaluation, ...], LinearForm]:  # fmt: skip
     """The evaluations and the end of a program with functions applied to linear forms and times of flows."""
@@ -531,10 +531,7 @@ def reversed_step(program: Program) -> tuple[tuple[Evaluation, ...], LinearForm]
 
 
 def as_decimals(program: Program, digits: int) -> Program:
-    """The program with floats as exact numbers, of which `digits` digits are correct."""
-
-    def exact(x: Entry) -> Fraction:
-        return Fraction(round_entry(x))
-
-    evaluations, end = _mapped(program, lambda form: form.map(exact), exact)
+    """The program with floats as decimals, of which `digits` digits are correct."""
+    decimal = entries.nearest_decimal
+    evaluations, end = mapped_program(program, lambda form: form.map(decimal), decimal)
     return program.changed(evaluations=evaluations, result=end, digits=digits)

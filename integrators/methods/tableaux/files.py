@@ -31,12 +31,15 @@ PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits
 KEYS = (*PART_KEYS, "partitions")
 
 
-def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = None) -> Method:
+def load_method(
+    source: str | os.PathLike[str] | IO[Any], format: str | None = None, *, digits: int | None = None
+) -> Method:
     """Read a method from a file; a `TableauWarning` is emitted for each of its issues.
 
     Args:
         source: a path, or an open file of text or bytes.
         format: ``"json"`` or ``"toml"``; by default inferred from the suffix or the content.
+        digits: the number of correct significant digits of decimals, in place of that in the file.
 
     Raises:
         IntegratorError: the file cannot be read, is not JSON or TOML, or contains no tableau.
@@ -51,16 +54,18 @@ def load_method(source: str | os.PathLike[str] | IO[Any], format: str | None = N
     text, label = text_files.read_text(source)
     if format is None:
         format = _suffix(label) or ("json" if text.lstrip().startswith("{") else "toml")
-    method = loads_method(text, format, source=label, warn=False)
+    method = loads_method(text, format, source=label, warn=False, digits=digits)
     emit(method.issues)
     return method
 
 
-def loads_method(text: str, format: str, *, source: str = "text", warn: bool = True) -> Method:
+def loads_method(
+    text: str, format: str, *, source: str = "text", warn: bool = True, digits: int | None = None
+) -> Method:
     """Read a method from text in JSON or TOML, as `load_method` does; messages name it `source`."""
     parse = {"json": text_files.parse_json, "toml": text_files.parse_toml}[_checked_format(format)]
     with text_files.errors_from(source):
-        method = _read_method(parse(text))
+        method = _read_method(parse(text), digits)
     if warn:
         emit(method.issues)
     return method
@@ -113,10 +118,10 @@ def _checked_format(format: str) -> str:
     return format
 
 
-def _read_method(data: Any) -> Method:
+def _read_method(data: Any, digits: int | None) -> Method:
     text_files.check_keys(data, KEYS, "content")
     if "partitions" not in data:
-        return _read_tableau(data, ())
+        return _read_tableau(data, (), digits)
     text_files.check_keys(data, (*LABELS, "parameters", "partitions"), "a partitioned method")
     partitions = data["partitions"]
     if not isinstance(partitions, dict):
@@ -125,15 +130,17 @@ def _read_method(data: Any) -> Method:
     parts = {}
     for name, part in partitions.items():
         with text_files.errors_from(f"partition {shorten(name)}"):
-            parts[name] = _read_tableau(part, parameters)
+            parts[name] = _read_tableau(part, parameters, digits)
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
 
 
-def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
+def _read_tableau(data: Any, parameters: Iterable[str], digits: int | None) -> RungeKutta:
     text_files.check_keys(data, PART_KEYS, "a tableau")
     labels = {key: data.get(key) for key in LABELS}
     if "algebra" in data:
         text_files.check_keys(data, (*LABELS, "algebra"), "a method given by an algebra")
+        if digits is not None:
+            raise IntegratorError(f"digits must be left out for a method given by an algebra, but was {shown(digits)}")
         return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
     _require_keys(data, ("A", "b"), "content")
     if data.get("domain", "float") != "float":
@@ -144,7 +151,7 @@ def _read_tableau(data: Any, parameters: Iterable[str]) -> RungeKutta:
     method = RungeKutta(
         **rows,
         parameters=[*parameters, *items(data.get("parameters", ()), "parameters")],
-        digits=data.get("digits"),
+        digits=data.get("digits") if digits is None else digits,
         **labels,
         warn=False,
     )

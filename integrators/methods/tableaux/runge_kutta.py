@@ -246,8 +246,8 @@ class RungeKutta(Method):
             agree, consistent = self.algebra.rows_sum_to_nodes(), self.algebra.b[0] == 1
         else:
             rows = zip(self.A, self.c, strict=True)
-            agree = [entries.cancels((*row, -node), self.precision) for row, node in rows]
-            consistent = entries.cancels((*self.b, -1), self.precision)
+            agree = [self._sums_to((*row, -node), 0) for row, node in rows]
+            consistent = self._sums_to(self.b, 1)
         found = [
             f"row {i + 1} of A sums to {_entry_text(self.row_sums[i])}, but c[{i + 1}] is {_entry_text(self.c[i])}"
             for i, agrees in enumerate(agree)
@@ -262,6 +262,13 @@ class RungeKutta(Method):
                 which = f"row {k} of embedded weights sums" if len(self.embedded) > 1 else "embedded weights sum"
                 found.append(f"{which} to {_entry_text(entries.sum_entries(row))}, not 1: they have order 0")
         return tuple(found)
+
+    def _sums_to(self, values: Sequence[Any], total: int) -> bool | None:
+        """Whether entries sum to a number, within their digits."""
+        if self.digits is None or self.domain != "decimal":
+            return entries.cancels((*values, -total), self.precision)
+        gap = abs(sum(values) - total)
+        return not gap or gap <= sum(entries.half_unit(x, self.digits) for x in values)
 
     @cached_property
     def sparsity(self) -> tuple[tuple[bool, ...], ...]:
@@ -359,6 +366,11 @@ class RungeKutta(Method):
         if self.algebra is not None:
             return RungeKutta(*self.algebra.tableau_float(), name=self.name, reference=self.reference, warn=False)
         return self._mapped(lambda value, _: entries.round_entry(value), nodes=True)
+
+    def with_digits(self, digits: int | None) -> RungeKutta:
+        """The method with another number of correct digits of its decimals; None if they are exact."""
+        labels: dict[str, Any] = {"name": self.name, "reference": self.reference, "warn": False}
+        return RungeKutta(self.A, self.b, self.c, embedded=self.embedded, digits=digits, **labels)
 
     def _mapped(self, function: Callable[[Entry, str], Entry], *, nodes: bool) -> RungeKutta:
         """The method with a function of every entry and its label; the nodes become row sums unless `nodes` is set."""

@@ -117,3 +117,30 @@ def test_decimals_and_inconsistent_methods(run, answer):
     assert result.exit_code == 0
     assert "inconsistent" in result.stdout
     assert "inconsistent" in result.stderr
+
+
+SDIRK = ("--A", "0.292893218813452,0;0.707106781186548,0.292893218813452", "--b", "0.707106781186548,0.292893218813452")
+
+
+def test_rounded_decimals_have_an_order_to_some_digits(answer, tmp_path):
+    found = facts(answer("check", *SDIRK, "--format", "csv"))
+    assert (found["order"], found["order to 15 digits"]) == ("1", "2")
+    assert json.loads(answer("check", *SDIRK, "--format", "json"))["rounded_order"] == {"order": 2, "digits": 15}
+    assert facts(answer("check", *SDIRK, "--digits", "15", "--format", "csv"))["order"] == "2"
+    path = tmp_path / "method.json"
+    path.write_text('{"A": [["0.333333333"]], "b": ["0.999999999"]}')
+    assert facts(answer("check", str(path), "--digits", "8", "--format", "csv"))["order"] == "1"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rk4", "--digits", "9"], "digits must be left out for a method of the catalogue, but was 9"),
+        ([*SDIRK, "--digits", "0"], "digits must be an integer from 1 to 1000, but was 0"),
+        (["--digits", "9"], "digits must come with a tableau, but there was none"),
+    ],
+)
+def test_digits_that_mean_nothing_are_refused(run, arguments, message):
+    result = run("check", *arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr

@@ -372,18 +372,3 @@ def test_numbers_beyond_64_bits_are_not_computed_by_order(monkeypatch):
     assert bs.modified_equation("dormand-prince54", 8).order == 8
     assert not wrapped
     trees.table._kept_table.cache_clear()
-
-
-def test_uncertainties_are_those_of_exact_changes():
-    from bseries.algebra.stages import stages_of
-
-    method = bs.method("tsit5")
-    s = bs.series(method, 4)
-    source, change = random.Random(s.digits), 5 * Fraction(10) ** -s.digits
-    stages, largest = stages_of(method, 4).stages, [Fraction(0)] * len(s)
-    for _ in range(3):
-        a, b = ([x * (1 + source.choice((-change, change))) for x in row] for row in (stages.a, stages.b))
-        rows = [a[i : i + method.stages] for i in range(0, len(a), method.stages)]
-        changed = bs.series(bs.RungeKutta(rows, b, warn=False), 4).coefficients()
-        largest = [max(x, abs(y - z)) for x, y, z in zip(largest, changed, s.coefficients(), strict=True)]
-    assert [s.uncertainty(at) for at in range(len(s))] == pytest.approx([3 * float(x) for x in largest], rel=1e-6)

@@ -101,3 +101,11 @@ def test_a_start_is_read_as_everywhere():
     assert read_scene("pendulum", "p=0; q=root(8,3)").y0.tolist() == [0, 2]
     with pytest.raises(bs.SeriesError, match="start must be values by block"):
         read_scene("pendulum", "p=0; p=1; q=1")
+
+
+def test_rows_may_end_with_their_digits():
+    rows = "0 0; 0.666666667 0; 0.25 0.75"
+    assert [bs.order_of(read_method(text)) for text in (rows, rows + "; digits = 9")] == [1, 2]
+    assert read_method(rows.replace(";", "\n") + "\ndigits=9\n").digits == 9
+    with pytest.raises(bs.errors, match="digits must be an integer from 1 to 1000, but was 2000"):
+        read_method(rows + "; digits = 2000")

@@ -479,3 +479,23 @@ def test_solvers_of_diffrax_are_read():
     assert found.name == "custom"
     np.testing.assert_allclose(found.to_float().b, method("bogacki-shampine32").to_float().b, rtol=1e-15)
     assert import_tableau(diffrax.Kvaerno3.tableau).is_diagonally_implicit
+
+
+ROUNDED = """
+const PetscReal A[2][2] = {{0.292893218813452, 0}, {0.707106781186548, 0.292893218813452}};
+const PetscReal b[2] = {0.707106781186548, 0.292893218813452};
+TSDIRKRegister("name", 2, 2, &A[0][0], b, NULL, NULL, 1, b);
+"""
+
+
+def test_rounded_decimals_of_less_than_sixteen_digits_are_recognised():
+    """As doubles they have order 2, exactly order 1."""
+    found = import_tableau(ROUNDED, "petsc")
+    assert (found.digits, found.domain, found.issues) == (15, "decimal", ())
+    assert import_tableau(ROUNDED, "petsc", digits=12).digits == 12
+    exact = import_tableau(ROUNDED.replace("0.292893218813452", "0.25").replace("0.707106781186548", "0.75"), "petsc")
+    assert exact.digits is None
+    rk4 = import_tableau(export_tableau("rk4", "petsc"), digits=5)
+    assert rk4 == method("rk4").with_digits(5)
+    with pytest.raises(IntegratorError, match="digits must be an integer"):
+        import_tableau(ROUNDED, "petsc", digits=0)

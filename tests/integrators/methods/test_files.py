@@ -381,3 +381,28 @@ def test_read_only_targets(tmp_path):
 def test_public_names():
     assert module.atomic_write is atomic_write
     assert math.isfinite(MAX_BYTES)
+
+
+ROUNDED = [["0.292893218813452", 0], ["0.707106781186548", "0.292893218813452"]]
+
+
+@pytest.mark.parametrize("format", ["json", "toml"])
+def test_digits_of_a_reader_take_the_place_of_those_in_the_file(tmp_path, format):
+    path = tmp_path / f"method.{format}"
+    for digits in (None, 12):
+        save_method(RungeKutta(ROUNDED, ["1/2", "1/2"], digits=digits), path)
+        assert load_method(path).digits == digits
+        assert load_method(path, digits=15) == RungeKutta(ROUNDED, ["1/2", "1/2"], digits=15)
+    part = RungeKutta(ROUNDED, ["1/2", "1/2"])
+    save_method(PartitionedRungeKutta({"p": part, "q": part}), path)
+    assert [x.digits for x in load_method(path, digits=15).partitions] == [15, 15]
+
+
+def test_digits_of_exact_files_and_no_digits_are_refused(tmp_path):
+    path = tmp_path / "method.json"
+    save_method(catalogue_method("gauss2"), path)
+    with pytest.raises(IntegratorError, match="digits must be left out for a method given by an algebra, but was 9"):
+        load_method(path, digits=9)
+    path.write_text(dumps_method(HEUN, "json"))
+    with pytest.raises(IntegratorError, match="digits must be an integer from 1 to 1000, but was 0"):
+        load_method(path, digits=0)

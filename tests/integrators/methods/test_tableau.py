@@ -223,7 +223,8 @@ def test_warnings_name_the_row():
 def test_issues_respect_digits_and_rounding():
     third = ([["0.333333"]], ["0.999999"])
     assert len(RungeKutta(*third, c=["1/3"], warn=False).issues) == 2
-    assert RungeKutta(*third, c=["1/3"], digits=6).issues == ()
+    assert RungeKutta(*third, c=["1/3"], digits=5).issues == ()
+    assert len(RungeKutta(*third, c=["1/3"], digits=6, warn=False).issues) == 1  # half a unit is 5e-7, and 1 is at 1e-6
     assert len(RungeKutta(*third, c=["1/3"], digits=9, warn=False).issues) == 2
     assert RungeKutta([[0.1 + 0.2]], [0.7 + 0.2 + 0.1], c=[0.3]).issues == ()
     with pytest.warns(TableauWarning, match=r"row 1 of A sums to 0\.3"):
