@@ -3,9 +3,6 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 STAMP := .venv/.developer
-# Exact results do not depend on whether numba is loaded: these tests run in both kinds of processes.
-EXACT := tests/trees tests/bseries/algebra tests/bseries/conditions tests/bseries/hamiltonians/test_brackets.py \
-	tests/bseries/analysis/test_conjugation.py tests/bseries/analysis/test_structure.py
 
 .PHONY: demo dev test test-all hard-cases bench lint notebooks figures wheel docs clean
 
@@ -21,8 +18,6 @@ test: $(STAMP)
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal
-	$(BIN)/python -m pytest -n 2 --dist worksteal --numba first $(EXACT)
-	$(BIN)/python -m pytest -n 2 --dist worksteal --numba never $(EXACT)
 
 hard-cases: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal tests/hard_cases --hard-cases-page build/hard-cases.md

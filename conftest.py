@@ -11,14 +11,10 @@ import pytest
 os.environ.setdefault("BSERIES_CACHE", str(Path(__file__).parent / ".pytest_cache" / "generated"))
 
 
-NOT_YET = ("bseries.algebra.", "bseries.exact.")
-"""Modules whose examples still use the names of their files."""
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]):
     """Examples of public things run in an empty namespace, as where a reader pastes them."""
     tests = [item.dtest for item in items if isinstance(item, pytest.DoctestItem) and item.dtest]
-    tests = [test for test in tests if "__name__" in test.globs and not test.globs["__name__"].startswith(NOT_YET)]
+    tests = [test for test in tests if "__name__" in test.globs]
     if not tests:
         return
     import bseries

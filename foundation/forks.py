@@ -6,6 +6,8 @@ are at an end.
 
 from __future__ import annotations
 
+import concurrent.futures.thread  # noqa: F401  # with `logging`: their own handlers of forks come before those below
+import logging  # noqa: F401
 import os
 import sys
 import threading

@@ -1,38 +1,19 @@
-"""Settings for all tests, and the option that runs them with numba from the start, or in processes without it."""
+"""Settings for all tests."""
 
 import gc
-import sys
 from collections import defaultdict
 
 import pytest
 from hypothesis import settings
 
-from trees import compiled
-
 settings.register_profile("untimed", deadline=None, max_examples=50)  # the first example may import SymPy
 settings.load_profile("untimed")
 
 
-class SkipsWhatLoadsNumba:
-    """A finder of modules that lets nobody import numba."""
-
-    def find_spec(self, name, path=None, target=None):
-        if name == "numba":
-            pytest.skip("loads numba", allow_module_level=True)
-
-
-def pytest_addoption(parser):
-    parser.addoption("--numba", choices=["first", "never"], help="import numba first, or skip the tests that import it")
-
-
-def pytest_configure(config):
+def pytest_configure():
     gc.set_threshold(
         50_000, 20, 20
     )  # ten thousand tests stay in memory: looking through them takes a tenth of the time
-    if config.getoption("numba") == "first":
-        import numba  # noqa: F401
-    elif config.getoption("numba") == "never":
-        sys.meta_path.insert(0, SkipsWhatLoadsNumba())
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -52,12 +33,3 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish(session):
     gc.freeze()
-
-
-def pytest_runtest_setup(item):
-    if item.config.getoption("numba") == "never":
-        compiled._interpreted = 0.0  # each test begins as a new process does
-
-
-def pytest_sessionfinish(session):
-    assert session.config.getoption("numba") != "never" or "numba" not in sys.modules

@@ -94,6 +94,9 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ModifiedHamiltonian": lambda: bs.modified_hamiltonian("stormer-verlet", "kepler", 5),
     "NormalForm": lambda: bs.hamiltonians.lindstedt_poincare(ROTOR, 3),
     "EnsembleResult": lambda: bs.ensemble("stormer-verlet", "pendulum", h=0.1, steps=50, y0=[[0, 1], [0, 2]]),
+    "RoundedOrder": lambda: bs.analysis.rounded_order(
+        bs.RungeKutta([[0, 0], ["0.666666666666667", 0]], ["0.25", "0.75"])
+    ),
     "ReferenceSolution": lambda: bs.reference_solution("pendulum", 5.0, full=True),
     "StageAlgebra": lambda: bs.method("gauss3").algebra,
     "State": lambda: bs.stepper("rk4", "pendulum").start(h=0.1),

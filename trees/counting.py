@@ -166,13 +166,13 @@ def count_table(counts: Sequence[int], colors: int) -> Table:
     )
 
 
-def memory_estimate(counts: Sequence[int], colors: int) -> int:
-    """Bytes of a table of counts[n−1] trees of each order n, including its splits below the top order."""
+def memory_estimate(counts: Sequence[int], colors: int, *, splits: bool = False) -> int:
+    """Bytes of a table of counts[n−1] trees of each order n, with or without its splits below the top order."""
     top = len(counts)
     columns = sum(counts) * 10
     bases = sum(count * (top - n) * colors * 4 for n, count in enumerate(counts, 1))
-    splits = sum(count * (n - 1) * 8 for n, count in enumerate(counts[:-1], 1))
-    return columns + bases + splits
+    of_splits = sum(count * (n - 1) * 8 for n, count in enumerate(counts[:-1], 1))
+    return columns + bases + of_splits * splits
 
 
 def refuse_table_beyond_memory(needed: int, what: str) -> None:

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from foundation.lowering.flat_kernels import flat_kernel
 from trees import kernels
-from trees.compiled import kernel
 from trees.drawing import svg
 from trees.errors import TreeError
 from trees.kernels import OUTSIDE, graft, product
@@ -66,12 +66,12 @@ class FreeTree(NamedTuple):
         return svg(self.representative)
 
 
-@kernel
+@flat_kernel
 def move_roots(
-    flips, max_order, colors, block, order, color, left, right, base_start, base, stack, flipped, turned,
+    size, flips, max_order, colors, block, order, color, left, right, base_start, base, stack, flipped, turned,
 ):  # fmt: skip
     """For every tree the tree with the other root colour (only if `flips`), and with its largest child as the root."""
-    for tree in range(len(turned)):
+    for tree in range(size):
         u = left[tree]
         v = right[tree]
         flipped[tree] = turned[tree] = OUTSIDE
@@ -89,10 +89,10 @@ def move_roots(
             turned[tree] = graft(v, u, max_order, colors, block, order, color, left, right, base_start, base, stack)
 
 
-@kernel
-def find_centroids(flips, order, color, right, flipped, turned, representative, sign):
+@flat_kernel
+def find_centroids(size, flips, order, color, right, flipped, turned, representative, sign):
     """Move every root to the centroid: the representative of the class, and the sign of the moves."""
-    for tree in range(len(turned)):
+    for tree in range(size):
         at = tree
         parity = 1
         while right[at] >= 0 and 2 * order[right[at]] > order[at]:
@@ -128,13 +128,13 @@ class Rootings:
         size = len(table)
         flipped, turned, representative = (table.column(size, "int32") for _ in range(3))
         sign, stack = table.column(size), table.column(table.max_order, "int32")
-        table.run(move_roots)(self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
+        table.run(move_roots)(size, self.flips, table.max_order, table.colors, *table.columns, stack, flipped, turned)
         self.flipped, self.turned = _list(flipped), _list(turned)
         if min(self.turned) < 0 or (self.flips and min(self.flipped) < 0):
             raise TreeError(f"table must hold every tree with its root moved, but {table!r} does not")
         columns = table.columns
         table.run(find_centroids)(
-            self.flips, columns.order, columns.color, columns.right, flipped, turned, representative, sign
+            size, self.flips, columns.order, columns.color, columns.right, flipped, turned, representative, sign
         )
         self.representative, self.sign = _list(representative), _list(sign)
         self._symmetry = _list(table.symmetry_and_density[0])
@@ -165,9 +165,8 @@ def is_separable(table: TreeTable) -> bool:
 
 def grafting(table: TreeTable) -> Callable[[int, int], int]:
     """The Butcher product u ∘ v on the ids of a table; negative if outside the table."""
-    run = table.run(kernels.graft)
-    stack = table.column(table.max_order, "int32")
-    return lambda u, v: run(u, v, table.max_order, table.colors, *table.columns, stack)
+    columns, stack = [_list(column) for column in table.columns], [0] * table.max_order
+    return lambda u, v: kernels.graft(u, v, table.max_order, table.colors, *columns, stack)
 
 
 def free_tree_classes(

@@ -7,20 +7,20 @@ id(u ∘ v) = base[u, |v|, colour(v)] + v without hashing.
 
 from __future__ import annotations
 
-from trees.compiled import kernel
+from foundation.lowering.flat_kernels import flat_kernel
 
 OUTSIDE = -(2**31)
 """Base of products outside the table, negative after any id is added."""
 
 
-@kernel
-def enumerate_trees(max_order, colors, limits, block, order, color, left, right, base_start, base):
+@flat_kernel
+def enumerate_trees(max_order, colors, limits, counts, block, order, color, left, right, base_start, base):
     """Fill the columns of the table, orders ascending.
 
     Ids sort by (order, root colour, left, right). `block[(n-1)*colors + c]` is the first id of order n and root colour
     c. `limits[c*(colors+1) + d]` bounds the children of colour d of a node of colour c; entry d = colors bounds all.
+    `counts` is scratch of colors + 1 entries.
     """
-    counts = [0] * (colors + 1)
     for c in range(colors):
         order[c], color[c], left[c], right[c] = 1, c, -1, -1
     tree = colors
@@ -34,7 +34,9 @@ def enumerate_trees(max_order, colors, limits, block, order, color, left, right,
                     count_children(u, colors, color, left, right, counts)
                     at = base_start[m] + ((u - first_of_m) * (max_order - m) + r - 1) * colors
                     for d in range(colors):
-                        start = max(block[(r - 1) * colors + d], last)
+                        start = block[(r - 1) * colors + d]
+                        if last > start:
+                            start = last
                         stop = block[(r - 1) * colors + d + 1]
                         full = counts[d] >= limits[c * (colors + 1) + d]
                         if start >= stop or full or counts[colors] >= limits[c * (colors + 1) + colors]:
@@ -46,7 +48,7 @@ def enumerate_trees(max_order, colors, limits, block, order, color, left, right,
                             tree += 1
 
 
-@kernel
+@flat_kernel
 def count_children(tree, colors, color, left, right, counts):
     """Count the children of the root by colour, and in all (last entry)."""
     for d in range(colors + 1):
@@ -57,8 +59,8 @@ def count_children(tree, colors, color, left, right, counts):
         tree = left[tree]
 
 
-@kernel
-def product(u, v, max_order, colors, block, order, color, base_start, base):
+@flat_kernel
+def product(u, v, max_order, colors, block, order, color, base_start, base) -> int:
     """Id of u ∘ v if no child of u is larger than v; negative if outside the table."""
     m = int(order[u])
     r = int(order[v])
@@ -68,22 +70,23 @@ def product(u, v, max_order, colors, block, order, color, base_start, base):
     return int(base[base_start[m] + row * colors + color[v]]) + v
 
 
-@kernel
-def graft(u, v, max_order, colors, block, order, color, left, right, base_start, base, stack):
+@flat_kernel
+def graft(u, v, max_order, colors, block, order, color, left, right, base_start, base, stack) -> int:
     """Id of u ∘ v for any u and v: remove the children of u above v, add v, add them again."""
     depth = 0
-    while right[u] > v:
-        stack[depth] = right[u]
+    tree = u + 0  # an id of 64 bits, whatever u has
+    while right[tree] > v:
+        stack[depth] = right[tree]
         depth += 1
-        u = left[u]
-    u = product(u, v, max_order, colors, block, order, color, base_start, base)
-    while depth > 0 and u >= 0:
+        tree = left[tree]
+    tree = product(tree, v, max_order, colors, block, order, color, base_start, base)
+    while depth > 0 and tree >= 0:
         depth -= 1
-        u = product(u, stack[depth], max_order, colors, block, order, color, base_start, base)
-    return u
+        tree = product(tree, stack[depth], max_order, colors, block, order, color, base_start, base)
+    return tree
 
 
-@kernel
+@flat_kernel
 def split_trees(
     first, last, max_order, colors, block, order, color, left, right, base_start, base, start, trunk, branch,
     to, to_trunk, to_branch, stack,
@@ -117,7 +120,7 @@ def split_trees(
             to_branch[at] = branch[k]
 
 
-@kernel
+@flat_kernel
 def list_partitions(
     first, last, max_order, colors, block, order, color, left, right, base_start, base, start, skeleton, part, stack
 ):
@@ -140,8 +143,8 @@ def list_partitions(
         of_v = start[order[v]] + v * (1 << (order[v] - 1))
         for i in range(of_u, of_u + (1 << (order[u] - 1))):
             for j in range(of_v, of_v + (1 << (order[v] - 1))):
-                merged = skeleton[i]
-                child = skeleton[j]
+                merged = skeleton[i] + 0
+                child = skeleton[j] + 0
                 while right[child] >= 0:
                     merged = graft(
                         merged, right[child], max_order, colors, block, order, color, left, right, base_start, base,
@@ -160,13 +163,13 @@ def list_partitions(
                 at += 2
 
 
-@kernel
-def symmetry_and_density(order, left, right, symmetry, density, multiplicity):
+@flat_kernel
+def symmetry_and_density(size, order, left, right, symmetry, density, multiplicity):
     """σ and γ of every tree u ∘ v from those of u and v.
 
     σ(u ∘ v) = σ(u) σ(v) μ, with μ the number of children equal to v; γ(u ∘ v) = |u ∘ v| · γ(u)/|u| · γ(v).
     """
-    for tree in range(len(order)):
+    for tree in range(size):
         u = left[tree]
         v = right[tree]
         if u < 0:

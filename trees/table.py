@@ -7,9 +7,9 @@ from functools import cached_property, lru_cache
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
+from foundation.lowering.flat_kernels import machine_code_pays
 from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
 from trees import counting, kernels
-from trees.compiled import compiling_pays
 from trees.counting import Limits, check_order, normal_limits
 from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
@@ -46,6 +46,15 @@ class Columns(NamedTuple):
     right: Any
     base_start: Any  # the start of `base`, by number of nodes
     base: Any  # the start of the Butcher products, by tree and block of the right factor
+
+
+class Nodes(NamedTuple):
+    """The columns of all trees, as arrays or as lists."""
+
+    order: Any
+    color: Any
+    left: Any
+    right: Any
 
 
 class TreeTable(Sequence[Tree]):
@@ -88,10 +97,10 @@ class TreeTable(Sequence[Tree]):
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
         self._trees: dict[int, Tree] = {}
-        # For the loop that enumerates, and that of the splits.
-        self._enumerate(compiling_pays(1e-6 * self.max_order * sum(map(sum, self._counts))))
+        self.compiled = machine_code_pays(self.max_order * sum(map(sum, self._counts)))
+        self._enumerate()
 
-    def _enumerate(self, compiled: bool) -> None:
+    def _enumerate(self) -> None:
         """Allocate and fill the columns, as Python lists if not for compiled kernels."""
         order, colors = self.max_order, self.colors
         self.block = [0]
@@ -104,26 +113,15 @@ class TreeTable(Sequence[Tree]):
         base_start = [0, 0]
         for n in range(1, order):
             base_start.append(base_start[-1] + per_order[n] * (order - n) * colors)
-        self.compiled = compiled
         limits = [bound for row in self.limits for bound in row]
         self.columns = Columns(
             self.column(self.block), self.column(size), self.column(size), self.column(size, "int32"),
             self.column(size, "int32"), self.column(base_start), self.column(base_start[-1], "int32"),
         )  # fmt: skip
-        self.run(kernels.enumerate_trees)(order, colors, self.column(limits), *self.columns)
+        self.run(kernels.enumerate_trees)(
+            order, colors, self.column(limits), self.column(colors + 1, "int64"), *self.columns
+        )
         self._complete = True
-
-    def choose_kernels(self, seconds: float) -> None:
-        """Make the columns anew for compiled kernels if these now pay (see `trees.compiled.compiling_pays`)."""
-        if not self.compiled and compiling_pays(seconds):
-            made = object.__new__(TreeTable)
-            made.__dict__.update({name: self.__dict__[name] for name in ("max_order", "colors", "limits", "_counts")})
-            made.__dict__["_trees"] = {}
-            made._enumerate(True)
-            for name, value in vars(TreeTable).items():
-                if isinstance(value, cached_property):
-                    self.__dict__.pop(name, None)
-            self.__dict__.update(made.__dict__)
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_complete" in self.__dict__:
@@ -343,16 +341,16 @@ class TreeTable(Sequence[Tree]):
         return self._public(self.columns.right, "int32")
 
     @cached_property
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def arrays(self) -> Nodes:
         """Order, colour, left and right as unsigned arrays, which kernels index without testing the sign."""
         columns = (self.order, self.color, self.left, self.right)
-        return tuple(column.view(f"u{column.itemsize}") for column in columns)  # pyright: ignore[reportReturnType]
+        return Nodes(*(column.view(f"u{column.itemsize}") for column in columns))
 
     @cached_property
-    def lists(self) -> tuple[list[int], list[int], list[int], list[int]]:
+    def lists(self) -> Nodes:
         """Order, colour, left and right as lists, for kernels in the interpreter."""
         columns = self.columns[1:5]
-        return tuple(x if isinstance(x, list) else x.tolist() for x in columns)  # pyright: ignore[reportReturnType]
+        return Nodes(*(x if isinstance(x, list) else x.tolist() for x in columns))
 
     @property
     def symmetry(self) -> np.ndarray:
@@ -381,7 +379,7 @@ class TreeTable(Sequence[Tree]):
         else:
             run, (order, _, left, right) = kernels.symmetry_and_density.py_func, self.lists
             symmetry, density, multiplicity = ([0] * len(self) for _ in range(3))
-        run(order, left, right, symmetry, density, multiplicity)
+        run(len(self), order, left, right, symmetry, density, multiplicity)
         return symmetry, density
 
     @cached_property
@@ -391,6 +389,8 @@ class TreeTable(Sequence[Tree]):
         Cutting one edge of a tree gives (trunk, branch); a tree with n nodes has n−1 splits, with repetitions.
         """
         sizes = self.sizes
+        needed = counting.memory_estimate(sizes, self.colors, splits=True)
+        counting.refuse_table_beyond_memory(needed, f"the splits of {len(self)} trees")
         keep = self.max_order
         if sizes[-1] * (self.max_order - 1) > KEPT_SPLITS:
             keep -= 1
@@ -404,14 +404,6 @@ class TreeTable(Sequence[Tree]):
         for n in range(2, keep + 1):
             self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
         return splits
-
-    @cached_property
-    def split_arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Start, trunk and branch of `splits` as arrays."""
-        import numpy as np
-
-        start, trunk, branch = self.splits[2:]
-        return np.asarray(start), np.asarray(trunk, np.uint32), np.asarray(branch, np.uint32)
 
     def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
         self.run(kernels.split_trees)(
@@ -487,7 +479,7 @@ def partitions_of(table: TreeTable) -> Partitions:
     for n in range(1, table.max_order + 1):
         start.append(begin - (table.ids(n).start << (n - 1)))
         begin += sizes[n - 1] << (n - 1)
-    starts, skeleton, part = table.column(start), table.column(total, "int32"), table.column(total, "int32")
+    starts, skeleton, part = table.column(start), table.column(total, "uint32"), table.column(total, "uint32")
     stack = table.column(table.max_order, "int32")
     table.run(kernels.list_partitions)(
         0, len(table), table.max_order, table.colors, *table.columns, starts, skeleton, part, stack

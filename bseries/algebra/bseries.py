@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
-from bseries.exact import recursions
-from bseries.exact.domains import Values, alike, apply, as_floats, exact_number, make_values
-from bseries.exact.rationals import Operation, log_denominator, primes_up_to, wider_step
+from bseries.algebra.stages import MethodStages
+from bseries.exact import lie
+from bseries.exact.domains import Values, alike, as_floats, exact_number, make_values
 from bseries.exceptions import SeriesError
 from foundation.table import MOST_ROWS, LazyRows, Table, Tabular, short_latex
 from integrators.core.immutable import ImmutableValue
@@ -41,7 +41,8 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     other arithmetic on it have digits only: it treats the printed decimals as exact, and the results are shown rounded.
 
     Series are immutable. `stored` holds the coefficients in the form of `bseries.exact.domains`. `kind` is what tables
-    and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
+    and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``. An exact series of a method has
+    its stages as `source`, from which its logarithm, powers, inverse and compositions are computed without cuts.
 
     Example:
         >>> import bseries as bs
@@ -63,6 +64,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     kind: str
     digits: int | None
     uncertainty: Uncertainty | None
+    source: MethodStages | None
 
     def __init__(
         self,
@@ -75,6 +77,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         kind: str | None = None,
         digits: int | None = None,
         uncertainty: Uncertainty | None = None,
+        source: MethodStages | None = None,
     ):
         empty = exact_number(empty)
         names = check_names(names) if names and table.colors > 1 else default_names(table.colors)
@@ -82,7 +85,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             raise SeriesError(f"names must be {table.colors} names, one for each colour, but were {len(names)}")
         kind = kind or ("field" if empty == 0 else "series")
         self.__dict__.update(table=table, stored=values, empty=empty, names=names, label=label, kind=kind)
-        self.__dict__.update(digits=digits, uncertainty=uncertainty)
+        self.__dict__.update(digits=digits, uncertainty=uncertainty, source=source)
 
     def __copy__(self) -> BSeries:
         return self
@@ -116,8 +119,9 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
             TreeError: `order`, `colors` or `max_children` is out of its range.
 
         Example:
+            >>> import bseries as bs
             >>> from fractions import Fraction
-            >>> exact = BSeries.from_rule(lambda tree: Fraction(1, tree.density), 4)
+            >>> exact = bs.BSeries.from_rule(lambda tree: Fraction(1, tree.density), 4)
             >>> exact["[τ,[τ]]"]
             Fraction(1, 8)
         """
@@ -234,7 +238,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         Raises:
             SeriesError: A coefficient holds symbols.
         """
-        return self._replace(stored=as_floats(self.stored))
+        return self._replace(stored=as_floats(self.stored), source=None)
 
     def check_same_trees(self, other: BSeries) -> None:
         """Raise a SeriesError unless the other series has the same trees."""
@@ -323,7 +327,11 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         number: Any = exact_number(factor, "factor")
         power = cache(lambda n: number**n)
         pairs = zip(self.coefficients(), self.table.columns.order, strict=True)
-        return self._with_numbers(chain([self.empty], (x * power(int(n)) for x, n in pairs)), self.digits)
+        scaled = self._with_numbers(chain([self.empty], (x * power(int(n)) for x, n in pairs)), self.digits)
+        if self.source is None or not isinstance(number, Fraction):
+            return scaled
+        is_exact = self.source.kind == "rational" or number.denominator == 1
+        return scaled._replace(source=self.source.scaled(number)) if is_exact else scaled
 
     def log(self) -> BSeries:
         """The modified equation: the field whose exact flow is this series.
@@ -336,21 +344,20 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
         Example:
             >>> import bseries as bs
-            >>> bs.exact_flow(4).log() == BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
+            >>> bs.exact_flow(4).log() == bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
             True
 
         References:
             HLW, theorem IX.9.2.
         """
         check_flow(self)
-        operation = Operation(
-            lambda arithmetic, target: recursions.logarithm(target(field=True), self.table, arithmetic),
-            log_denominator,
-            wider_step,
-            field=True,
-        )
+        stored = lie.logarithm(self.stored) if self.source is None else self.source.logarithm(self.table)
         errors = self.uncertainty and self.uncertainty.of_logarithm(self.table, self.coefficients)
-        return result_of(operation, 0, self)._replace(uncertainty=errors)
+        return self._made(stored, 0)._replace(uncertainty=errors)
+
+    def _made(self, stored: Values, empty: int, source: MethodStages | None = None) -> BSeries:
+        """A series that is made of this one alone."""
+        return BSeries(self.table, stored, empty, names=self.names, digits=self.digits, source=source)
 
     def exp(self) -> BSeries:
         """The exact flow of this field over one step.
@@ -363,19 +370,14 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
         Example:
             >>> import bseries as bs
-            >>> BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0).exp() == bs.exact_flow(4)
+            >>> bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0).exp() == bs.exact_flow(4)
             True
 
         References:
             HLW, lemma IX.9.1 and equation (IX.9.7).
         """
         check_field(self)
-        operation = Operation(
-            lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, self.table, arithmetic),
-            lambda n, step: math.factorial(n) * step**n,
-            wider_step,
-        )
-        return result_of(operation, 1, self)
+        return self._made(lie.exponential(self.stored), 1)
 
     def inverse(self) -> BSeries:
         """The series of the inverse map.
@@ -386,10 +388,14 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         Example:
             >>> import bseries as bs
             >>> a = bs.series(bs.method("rk4"), 5)
-            >>> bs.compose(a, a.inverse()) == BSeries.from_rule(lambda tree: 0, 5)
+            >>> bs.compose(a, a.inverse()) == bs.BSeries.from_rule(lambda tree: 0, 5)
             True
         """
-        return self**-1
+        check_flow(self)
+        if self.source is None:
+            return self._made(lie.power(self.stored, Fraction(-1)), 1)
+        inverse = self.source.inverse()
+        return self._made(inverse.series(self.table), 1, inverse)
 
     def adjoint(self) -> BSeries:
         """The series of the adjoint method Φ*_h = (Φ_{−h})^{−1}.
@@ -421,6 +427,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
 
         Example:
             >>> import bseries as bs
+            >>> from fractions import Fraction
             >>> a = bs.series(bs.method("rk4"), 5)
             >>> a**2 == bs.compose(a, a), (a ** Fraction(1, 2)) ** 2 == a
             (True, True)
@@ -429,16 +436,9 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         s: Any = exact_number(exponent, "exponent")
         if not isinstance(s, Fraction):
             return (self.log() * s).exp()
-        # The denominator of binom(p/q, k) divides q^k times r^(k−1) for every prime r that divides q (from k!).
-        q = s.denominator
-        factor = q * math.prod(r for r in primes_up_to(self.order) if q % r == 0)
-
-        def expression(arithmetic: Any, first: Any) -> Any:
-            field = recursions.logarithm(first(field=True), self.table, arithmetic)
-            return recursions.lie_series(field, None, 1, self.table, arithmetic, s)
-
-        operation = Operation(expression, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, units=q)
-        return result_of(operation, 1, self)
+        if s == -1:
+            return self.inverse()
+        return self._made(lie.power(self.stored, s) if self.source is None else self.source.power(self.table, s), 1)
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
         """The terms in the order of the table; `weight` is coefficient/σ."""
@@ -584,15 +584,6 @@ def check_series(s: object, name: str, kind: str = "", empty: int | None = None)
         raise SeriesError(
             f"{name} must be a {kind}, with the coefficient {empty} of the empty tree, but has {s.empty} there"
         )
-
-
-def result_of(operation: Operation, empty: Any, *operands: BSeries) -> BSeries:
-    """Apply an operation to series on the same trees."""
-    first = operands[0]
-    for other in operands[1:]:
-        first.check_same_trees(other)
-    values = apply(first.table, alike([operand.stored for operand in operands]), operation)
-    return BSeries(first.table, values, empty, names=first.names, digits=fewest_digits(*operands))
 
 
 def fewest_digits(*operands: BSeries) -> int | None:

@@ -9,11 +9,10 @@ from functools import lru_cache
 from typing import Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import FlowChain, MethodStages, check_method, inputs_of
+from bseries.algebra.stages import MethodInputs, MethodStages, check_method, inputs_of, stages_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
-from bseries.exact import recursions
-from bseries.exact.domains import apply
-from bseries.exact.rationals import Operation, RationalValues, log_denominator, primorial, wider_step
+from bseries.exact.domains import Values
+from bseries.exact.rationals import RationalValues, primorial
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
@@ -39,22 +38,18 @@ def series(method: Method | str, order: int | TreeTable, *, max_children: Any = 
 
     Example:
         >>> import bseries as bs
-        >>> series(bs.method("rk4"), 5)["[[[[τ]]]]"]
+        >>> bs.series(bs.method("rk4"), 5)["[[[[τ]]]]"]
         Fraction(0, 1)
 
     References:
         HLW, theorems III.1.4 and III.2.4.
     """
     method = as_method(method)
-
-    def operation(inputs: MethodStages | FlowChain) -> Operation:
-        return Operation(lambda arithmetic, weights: weights(field=False), passes=inputs.passes)
-
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
         one = series(method.step, table).scale_step(Fraction(1, method.count))
         return (one**method.count).with_label(method.name)
-    return of_method(method, table, operation, 1, inputs_of(method, table.max_order))
+    return of_method(method, table, lambda inputs: inputs.series(table), 1, inputs_of(method, table.max_order))
 
 
 def modified_equation(
@@ -80,7 +75,7 @@ def modified_equation(
 
     Example:
         >>> import bseries as bs
-        >>> b = modified_equation(bs.method("explicit-midpoint"), 3)
+        >>> b = bs.modified_equation(bs.method("explicit-midpoint"), 3)
         >>> [(str(tree), str(value)) for tree, value in b.items() if value]
         [('τ', '1'), ('[[τ]]', '-1/6'), ('[τ,τ]', '-1/12')]
 
@@ -93,20 +88,13 @@ def modified_equation(
         given = series_to(method, order, max_children)
         return given.log().with_label(given.label, "modified")
 
-    def expression(arithmetic: Any, weights: Any) -> Any:
-        return recursions.logarithm(weights(field=True), table, arithmetic)
-
-    def operation(inputs: MethodStages | FlowChain) -> Operation:
-        facts: dict[str, Any] = {"units": inputs.units, "passes": inputs.passes}
-        return Operation(expression, log_denominator, wider_step, field=True, **facts)
-
     table = table_of(method, order, max_children)
     if isinstance(method, RepeatedProgram) and method.digits is None:
         one = modified_equation(method.step, table).scale_step(Fraction(1, method.count))
         return (one * method.count).with_label(method.name, "modified")
     if method.digits is not None:
         return series(method, table).log().with_label(method.name, "modified")
-    found = of_method(method, table, operation, 0, inputs_of(method, table.max_order))
+    found = of_method(method, table, lambda inputs: inputs.logarithm(table), 0, inputs_of(method, table.max_order))
     return found.with_label(method.name, "modified")
 
 
@@ -130,7 +118,8 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
         TreeError: An argument is out of its range.
 
     Example:
-        >>> exact_flow(4)["[τ,[τ]]"]
+        >>> import bseries as bs
+        >>> bs.exact_flow(4)["[τ,[τ]]"]
         Fraction(1, 8)
 
     References:
@@ -163,31 +152,34 @@ def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
-    _refuse_beyond_memory(
-        check_order(order), colors, None if max_children is None else normal_limits(colors, max_children)
-    )
+    limits = None if max_children is None else normal_limits(colors, max_children)
+    _refuse_beyond_memory(check_order(order), colors, limits, stages_without_cuts(method))
     return tree_table(order, colors, max_children)
 
 
 @lru_cache(maxsize=64)
-def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None) -> None:
-    """Refuse series that would not fit in memory, before their table is made, once for each size."""
+def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None, stages: int | None) -> None:
+    """Refuse series that would not fit in memory, before their table is made, once for each size.
+
+    Methods with this number of stages need two numbers for each stage and smaller tree; without, trees are cut.
+    """
     sizes = count_trees(order, colors, limits)
-    rows = (len(sizes) + 3) * sum(sizes[:-1])
-    needed = memory_estimate(sizes, colors) + 8 * (rows + 3 * sum(sizes))
+    numbers = len(sizes) + 3 if stages is None else 2 * stages + 1
+    needed = memory_estimate(sizes, colors, splits=stages is None) + 8 * (numbers * sum(sizes[:-1]) + 3 * sum(sizes))
     refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")
 
 
 def of_method(
     method: Method,
     table: TreeTable,
-    operation: Callable[[Any], Operation],
+    values_of: Callable[[Any], Values],
     empty: int,
-    inputs: MethodStages | FlowChain,
+    inputs: MethodInputs,
     uncertainty: Callable[[Method, Any, TreeTable], Uncertainty] = uncertainty_of,
 ) -> BSeries:
-    """Apply an operation to the stages of a method, or to its chain of flows; decimals have an `uncertainty`."""
-
-    values, digits = apply(table, [inputs], operation(inputs)), method.digits
+    """The series computed from the stages of a method, or from its chain of flows; decimals have an `uncertainty`."""
+    values, digits = values_of(inputs), method.digits
     errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind == "rational" else None
-    return BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
+    made = BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
+    repeats = empty == 1 and isinstance(inputs, MethodStages) and inputs.kind != "float"
+    return made._replace(source=inputs if repeats else None)

@@ -12,19 +12,20 @@ n² operations per tree and stage, and restricted tables are closed. Substitutio
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
 
 from bseries.algebra import stages as inputs
-from bseries.algebra.bseries import BSeries, check_field, check_flow, check_series, fewest_digits, result_of
+from bseries.algebra.bseries import BSeries, check_field, check_flow, check_series, fewest_digits
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.algebra.uncertainty import Uncertainty, by_differences
-from bseries.exact import recursions
+from bseries.exact import bounds, lie, recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
-from bseries.exact.domains import alike, apply, ring_element
+from bseries.exact.bounds import Bound
+from bseries.exact.domains import Values, alike, apply, ring_element
 from bseries.exact.rationals import Operation, RationalValues, twos
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
@@ -53,7 +54,7 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
         >>> half = Fraction(1, 2)
         >>> implicit = bs.series(bs.method("implicit-euler"), 5).scale_step(half)
         >>> explicit = bs.series(bs.method("explicit-euler"), 5).scale_step(half)
-        >>> compose(implicit, explicit) == bs.series(bs.method("implicit-midpoint"), 5)
+        >>> bs.compose(implicit, explicit) == bs.series(bs.method("implicit-midpoint"), 5)
         True
 
     References:
@@ -64,16 +65,12 @@ def compose(a: BSeries, c: BSeries) -> BSeries:
     if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
         return a * c.empty + compose(a, c.with_empty(0))
 
-    def expression(arithmetic: Any, first: Any, second: Any) -> Any:
-        field = recursions.logarithm(first(field=True), a.table, arithmetic)
-        return recursions.lie_series(field, second(field=False), c.empty, a.table, arithmetic)
-
-    bounds = None
-    if isinstance(a.stored, RationalValues) and isinstance(c.stored, RationalValues):
-        # At most 2^n ordered subtrees, each with a product of at most 2^(κ n).
-        growth = max(a.stored.growth, c.stored.growth)
-        bounds = [(growth + 1) * n for n in range(1, a.order + 1)]
-    return result_of(Operation(expression, bounds=bounds), c.empty, a, c)
+    a.check_same_trees(c)
+    digits = fewest_digits(a, c)
+    if isinstance(a.source, RationalStages) and isinstance(c.source, RationalStages):
+        both = a.source.then(c.source)
+        return BSeries(a.table, both.series(a.table), 1, names=a.names, digits=digits, source=both)
+    return BSeries(a.table, lie.composition(a.stored, c.stored, int(c.empty)), c.empty, names=a.names, digits=digits)
 
 
 def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
@@ -91,7 +88,7 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
     Example:
         >>> import bseries as bs
         >>> f = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 3, empty=0)
-        >>> second = lie_derivative(f, f)
+        >>> second = bs.algebra.lie_derivative(f, f)
         >>> [str(tree) for tree, value in second.items() if value]
         ['[τ]']
 
@@ -103,11 +100,9 @@ def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
     if c.empty not in (0, 1):
         return b * c.empty + lie_derivative(b, c.with_empty(0))
 
-    def expression(arithmetic: Any, field: Any, base: Any) -> Any:
-        once = arithmetic.factors([0, 1] + [0] * b.order)
-        return recursions.lie_series(field(field=True), base(field=False), c.empty, b.table, arithmetic, weights=once)
-
-    return result_of(Operation(expression, field=True), 0, b, c)
+    b.check_same_trees(c)
+    values = lie.derivative(b.stored, c.stored, int(c.empty))
+    return BSeries(b.table, values, 0, names=b.names, digits=fewest_digits(b, c))
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -132,7 +127,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
 
         >>> import bseries as bs
         >>> rk4 = bs.method("rk4")
-        >>> substitute(bs.modified_equation(rk4, 6), bs.exact_flow(6)) == bs.series(rk4, 6)
+        >>> bs.substitute(bs.modified_equation(rk4, 6), bs.exact_flow(6)) == bs.series(rk4, 6)
         True
 
     References:
@@ -149,7 +144,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
     stages, (values,) = inputs.in_one_domain(method, b.order, [b.stored])
 
     def expression(arithmetic: Any, field: Any, stages: Any) -> Any:
-        return recursions.into_stages(stages(field=None), b.table, arithmetic, field=field(field=True))
+        return recursions.into_stages(stages(), b.table, arithmetic, field=field(field=True))
 
     digits = [x for x in (b.digits, method.digits) if x is not None]
     result = apply(b.table, [values, stages], _substitution(expression, values, stages))
@@ -192,7 +187,7 @@ def modifying_integrator(
 
     Example:
         >>> import bseries as bs
-        >>> b = modifying_integrator(bs.method("implicit-midpoint"), 3)
+        >>> b = bs.modifying_integrator(bs.method("implicit-midpoint"), 3)
         >>> [(str(tree), str(value)) for tree, value in b.items() if value]
         [('τ', '1'), ('[[τ]]', '-1/12'), ('[τ,τ]', '1/12')]
 
@@ -209,31 +204,40 @@ def modifying_integrator(
     for color in inputs.auxiliary_colors(method):
         raise SeriesError(f"method must have parts of the field only, but {method.names[color]} is none")
     _check_memory(table, method)
-    operation = partial(_modifying_operation, method, table)
+    values_of = partial(_modifying_values, method, table)
     stages = inputs.stages_in_field(method, table.max_order)
 
     def uncertainty(method: Method, stages: MethodStages, table: TreeTable) -> Uncertainty:
-        return by_differences(method, stages, table, lambda x: apply(table, [x], operation(x)).coefficients())
+        return by_differences(method, stages, table, lambda x: values_of(x).coefficients())
 
-    found = of_method(method, table, operation, 0, stages, uncertainty)
+    found = of_method(method, table, values_of, 0, stages, uncertainty)
     return found.with_label(method.name, "modifying")
 
 
-def _modifying_operation(method: Method, table: TreeTable, stages: MethodStages) -> Operation:
-    """The operation for the modifying integrator of a method with these stages."""
+def _modifying_values(method: Method, table: TreeTable, stages: MethodStages) -> Values:
+    """The modifying integrator of a method with these stages."""
     target, sums = exact_values(table), stages.weight_sums(table.colors)
     inverses = _inverses(sums, stages, f"sums of the weights of {method.name}", method.names)
 
     def expression(arithmetic: Any, stages: Any) -> Any:
         exact = target.load(table, arithmetic, field=True)
-        return recursions.into_stages(stages(field=None), table, arithmetic, target=exact, inverses=inverses)
+        return recursions.into_stages(stages(), table, arithmetic, target=exact, inverses=inverses)
 
-    is_rational = isinstance(stages, RationalStages)
+    if not isinstance(stages, RationalStages):
+        return apply(table, [stages], _operation(expression, (), lambda known: ()))
     numerators = _numerators(sums)
-    powers = tuple(stages.step**n if is_rational else 1 for n in range(table.max_order + 1))
-    operation = _operation(expression, recursions.solved_denominators(powers, target.denominators, numerators))
-    integers = stages.integers if is_rational and numerators % 2 else None
-    return operation._replace(units=1 if integers else 2, avoid=numerators, integers=integers)
+    powers = tuple(stages.step**n for n in range(table.max_order + 1))
+    flow, largest = stages.bound(table.max_order), max(map(abs, inverses))
+    operation = _operation(
+        expression,
+        recursions.solved_denominators(powers, target.denominators, numerators),
+        lambda known: bounds.solved(flow, target.bound, largest, known),
+    )
+    integers = stages.integers if numerators % 2 else None
+    operation = operation._replace(
+        units=1 if integers else 2, avoid=numerators, integers=integers, passes=2 * stages.stages.size
+    )
+    return apply(table, [stages], operation)
 
 
 def substitution_inverse(b: BSeries) -> BSeries:
@@ -248,8 +252,9 @@ def substitution_inverse(b: BSeries) -> BSeries:
     Example:
         >>> import bseries as bs
         >>> b = bs.modified_equation(bs.method("explicit-euler"), 4)
-        >>> x = substitution_inverse(b)
-        >>> substitute(x, b) == substitute(b, x) == bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
+        >>> x = bs.algebra.substitution_inverse(b)
+        >>> identity = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 4, empty=0)
+        >>> bs.substitute(x, b) == bs.substitute(b, x) == identity
         True
         >>> x == bs.modifying_integrator(bs.method("explicit-euler"), 4)
         True
@@ -271,32 +276,49 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
     inverses = _inverses(roots, values, f"coefficients of single nodes in {name}", a.names)
 
     def expression(arithmetic: Any, base: Any) -> Any:
-        wanted = arithmetic.raised(target.load(a.table, arithmetic, field=True), a.table)
+        wanted = target.load(a.table, arithmetic, field=True)
         return recursions.into_series(base(field=False), a.table, arithmetic, target=wanted, inverses=inverses)
 
-    skeletons = values.denominators if isinstance(values, RationalValues) else (1,) * (a.order + 1)
-    denominators = recursions.solved_denominators(skeletons, target.denominators, _numerators(roots))
-    operation = _operation(expression, denominators)._replace(avoid=_numerators(roots))
-    result = apply(a.table, [values], operation)
-    return BSeries(a.table, result, 0, names=a.names, digits=a.digits)
+    if not isinstance(values, RationalValues):
+        operation = _operation(expression, (), lambda known: ())
+    else:
+        numerators, flow, largest = _numerators(roots), values.bound, max(map(abs, inverses))
+        operation = _operation(
+            expression,
+            recursions.solved_denominators(values.denominators, target.denominators, numerators),
+            lambda known: bounds.solved(flow, target.bound, largest, known),
+        )._replace(avoid=numerators)
+    operation = operation._replace(passes=2 ** (a.order - 1) // a.order + 1)
+    return BSeries(a.table, apply(a.table, [values], operation), 0, names=a.names, digits=a.digits)
 
 
-def _operation(expression: Any, denominators: Sequence[int], bounds: Sequence[float] | None = None) -> Operation:
+def _operation(expression: Any, denominators: Sequence[int], bound: Callable[[Bound], Bound]) -> Operation:
     """An operation with known denominators, computed modulo odd primes, since it is not homogeneous."""
     return Operation(
-        expression, lambda n, _: denominators[n], lambda *_: math.lcm(*denominators), field=True, units=2, bounds=bounds
+        expression,
+        bound,
+        lambda n, _: denominators[n],
+        lambda *_: math.lcm(*denominators),
+        field=True,
+        units=2,
     )
 
 
 def _substitution(expression: Any, b: Any, a: Any) -> Operation:
     """The operation that gives b ★ a; only rational values need bounds."""
     if not isinstance(b, RationalValues):
-        return _operation(expression, ())
+        return _operation(expression, (), lambda known: ())
     orders = range(b.table.max_order + 1)
-    skeletons = tuple(a.step**n for n in orders) if isinstance(a, RationalStages) else a.denominators
-    # At most 2^(n−1) partitions with products of at most 2^(κ n), κ from a and b.
-    bounds = [(a.growth + b.growth + 1) * n - 1 for n in orders[1:]]
-    return _operation(expression, recursions.substituted_denominators(skeletons, b.denominators), bounds)
+    is_method = isinstance(a, RationalStages)
+    skeletons = tuple(a.step**n for n in orders) if is_method else a.denominators
+    flow = a.bound(b.table.max_order) if is_method else a.bound
+    operation = _operation(
+        expression,
+        recursions.substituted_denominators(skeletons, b.denominators),
+        lambda known: bounds.substituted(flow, b.bound),
+    )
+    passes = 2 * a.stages.size if is_method else 2 ** (b.table.max_order - 1) // b.table.max_order + 1
+    return operation._replace(passes=passes)
 
 
 def _integers(parts: Sequence[int], skeletons: Sequence[int]) -> WrappedParts | None:

@@ -54,10 +54,10 @@ def load_series(source: str | os.PathLike[str] | IO[Any]) -> BSeries:
         IntegratorError: The file cannot be read, or is not JSON.
 
     Example:
-        >>> import json
         >>> import bseries as bs
+        >>> import json
         >>> text = json.dumps(bs.modified_equation("sdirk2", 4).to_dict())
-        >>> load_series(text) == bs.modified_equation("sdirk2", 4)
+        >>> bs.load_series(text) == bs.modified_equation("sdirk2", 4)
         True
     """
     if isinstance(source, str) and source.lstrip().startswith("{"):

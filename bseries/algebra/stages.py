@@ -20,14 +20,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
-from itertools import accumulate
-from typing import Any, ClassVar
+from itertools import accumulate, pairwise
+from typing import Any, TypeAlias
 
-from bseries.exact import domains
-from bseries.exact.arithmetic import MOST_STAGES, Exact, Wrapped, wrapped_stages
-from bseries.exact.domains import Values, alike, converted, narrowest, ring_element, to_float
-from bseries.exact.rationals import primorial, smallest_step, twos
-from bseries.exact.recursions import Stages, elementary_weights, lie_series
+from bseries.exact import domains, lie, powers
+from bseries.exact.arithmetic import Exact, Wrapped, whole, wrapped_stages
+from bseries.exact.bounds import Bound, geometric
+from bseries.exact.domains import RingValues, Values, alike, converted, narrowest, ring_element, to_float
+from bseries.exact.powers import PowerWeights
+from bseries.exact.rationals import Operation, RationalValues, primorial, smallest_step, twos
+from bseries.exact.recursions import Stages, lie_series
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
 from integrators.core.immutable import cached_method
@@ -37,40 +39,94 @@ from integrators.methods.programs.program import Average, Derivative, Evaluation
 from trees.counting import check_order
 from trees.table import TreeTable
 
+MOST_STAGES = 1000
+"""Stages of a method, those of flows counted as often as an order needs."""
+
 
 class MethodStages:
-    """The stages of a method, as an input of operations in a domain; in a SymPy `ring`, over a denominator `step`."""
+    """The stages of a method whose entries are elements of a SymPy `ring`, divided by `step`.
 
-    units = passes = 1
+    Inputs of every kind give the series of the method, its logarithm and its powers on a table of trees.
+    """
 
-    def __init__(self, kind: str, stages: Stages, ring: Any = None, step: Any = None):
-        self.kind, self.stages, self.ring, self.step = kind, stages, ring, step
-        self.bounds = stages
+    kind = "ring"
+
+    def __init__(self, stages: Stages, ring: Any, step: Any):
+        self.stages, self.ring, self.step = stages, ring, step
 
     def weight_sums(self, colors: int) -> list[Any]:
         """For each colour the sum of the weights: the coefficient of the single node."""
-        size = self.stages.size
-        units = list(accumulate(self.stages.sizes[:-1], initial=0))
-        return [sum(self.stages.b[c * size + at] for at in units) for c in range(colors)]
+        size, firsts = self.stages.size, self.stages.ends[:-1]
+        return [sum(self.stages.b[c * size + at] for at in firsts) for c in range(colors)]
 
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool | None = False) -> Any:
-        """The elementary weights; with `field` None the stages, for recursions that start from them."""
-        stages = self.bounds if arithmetic.majorant else self.stages
-        return stages if field is None else elementary_weights(stages, table, arithmetic, field=field)
+    def load(self, table: TreeTable, arithmetic: Exact) -> Stages:
+        """The stages, for recursions that start from them."""
+        return self.stages
+
+    def series(self, table: TreeTable) -> Values:
+        """The elementary weights."""
+        return self._sum(table, powers.one_step(table.max_order))
+
+    def logarithm(self, table: TreeTable) -> Values:
+        """The logarithm of the series."""
+        return self._sum(table, powers.logarithm(table.max_order))
+
+    def power(self, table: TreeTable, s: Fraction) -> Values:
+        """The series of s steps."""
+        return self._sum(table, powers.power(table.max_order, s))
+
+    def _sum(self, table: TreeTable, weights: PowerWeights) -> Values:
+        arithmetic = domains.interpreted(self)
+        total = powers.sum_of_powers(table, self.stages, 1, weights, arithmetic)
+        inverses = [arithmetic.number(Fraction(1, d)) for d in weights.denominators]
+        elements = [arithmetic.element(x * inverses[n]) for x, n in zip(total, table.columns.order, strict=True)]
+        return domains.narrowed(RingValues(table, self.ring, elements, self.step))
+
+    def inverse(self) -> MethodStages:
+        """The inverse map: A − 1 bᵀ and −b."""
+        return self._replaced(self.stages.inverse())
+
+    def scaled(self, factor: Fraction) -> MethodStages:
+        """The method with `factor` times the step size, a whole number."""
+        return self._replaced(self.stages.scaled(whole(factor)))
+
+    def _replaced(self, stages: Stages) -> MethodStages:
+        return MethodStages(stages, self.ring, self.step)
+
+
+class FloatStages(MethodStages):
+    """The stages of a method in floats."""
+
+    kind = "float"
+
+    def __init__(self, stages: Stages):
+        super().__init__(stages, None, None)
+
+    def series(self, table: TreeTable) -> Values:
+        """The elementary weights."""
+        return domains.float_values(table, powers.float_series(table, self.stages))
+
+    def logarithm(self, table: TreeTable) -> Values:
+        """The logarithm of the series, by Lie derivatives: sums of powers are unstable."""
+        return lie.logarithm(self.series(table))
 
 
 class RationalStages(MethodStages):
-    """The stages of a method with rational series, as an input of exact operations.
+    """The stages of a method with rational series.
 
     Args:
         stages: Entries as Fractions, in any basis of the stage algebra in which products have integer coefficients.
-        bounds: Bounds on the absolute values of the entries of the tableau itself.
+        sums: Bounds on the sums of |b_i|, and of |a_ij| over j, of the tableau itself.
     """
 
-    def __init__(self, stages: Stages, bounds: Stages):
-        step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
-        super().__init__("rational", stages, step=step)
-        self.bounds, self.terms = bounds, stages.size
+    kind = "rational"
+
+    def __init__(self, stages: Stages, sums: tuple[Fraction, Fraction]):
+        super().__init__(stages, None, math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b))))
+        self.sums = sums
+
+    def _sum(self, table: TreeTable, weights: PowerWeights) -> RationalValues:
+        return powers.rational_sum(table, self.stages, self.step, self.sums, weights)
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -78,24 +134,36 @@ class RationalStages(MethodStages):
         a, b = (max((twos(x.denominator) for x in row), default=0) for row in (self.stages.a, self.stages.b))
         return wrapped_stages(a, b)
 
-    @property
-    def growth(self) -> float:
-        """A number κ ≥ 0 such that |a(τ)| ≤ 2^(κ·n)."""
-        return float(self.exponent)
+    def bound(self, order: int) -> Bound:
+        """Bounds on the series, by number of nodes."""
+        return geometric(order, *self.sums)
 
-    @cached_property
-    def exponent(self) -> int:
-        """k such that |a(τ)| ≤ 2^(k·n): the sums of |b|, and of |a| over the rows of a block, are at most 2^k.
+    def then(self, other: RationalStages) -> RationalStages:
+        """The method that takes this step, then the other."""
+        (b, a), (next_b, next_a) = self.sums, other.sums
+        return RationalStages(self.stages.then(other.stages), (b + next_b, max(a, b + next_a)))
 
-        The sum of absolute coefficients of a product of polynomials is at most the product of the sums.
-        """
-        s, b = self.bounds.size, self.bounds.b
-        rows = [sum(self.bounds.a[i : i + s]) for i in range(0, len(self.bounds.a), s)]
-        sums, first = [sum(b[i : i + s]) for i in range(0, len(b), s)], 0
-        for size in self.bounds.sizes * (len(rows) // s):
-            sums.append(sum(rows[first : first + size]))
-            first += size
-        return max(0, (math.ceil(max(sums)) - 1).bit_length())
+    def inverse(self) -> RationalStages:
+        """The inverse map: A − 1 bᵀ and −b."""
+        return RationalStages(self.stages.inverse(), (self.sums[0], self.sums[0] + self.sums[1]))
+
+    def scaled(self, factor: Fraction) -> RationalStages:
+        """The method with `factor` times the step size."""
+        b, a = self.sums
+        return RationalStages(self.stages.scaled(factor), (abs(factor) * b, abs(factor) * a))
+
+
+def largest_sums(stages: Stages) -> tuple[Fraction, Fraction]:
+    """The largest sums of |b_i|, and of |a_ij| over j.
+
+    The sum of absolute coefficients of a product of polynomials is at most the product of the sums: those of the rows
+    of a block count together.
+    """
+    size, b = stages.size, [abs(x) for x in stages.b]
+    rows = [sum(map(abs, stages.a[i : i + size]), Fraction(0)) for i in range(0, len(stages.a), max(size, 1))]
+    ends = list(accumulate(stages.sizes * (len(rows) // max(size, 1)), initial=0))
+    of_weights = max((sum(b[i : i + size], Fraction(0)) for i in range(0, len(b), max(size, 1))), default=Fraction(0))
+    return of_weights, max((sum(rows[i:j], Fraction(0)) for i, j in pairwise(ends)), default=Fraction(0))
 
 
 def check_method(method: object) -> Method:
@@ -122,7 +190,13 @@ def stages_of(method: Method, order: int) -> MethodStages:
     return _program_stages(method.program, order)
 
 
-def inputs_of(method: Method, order: int) -> MethodStages | FlowChain:
+def stages_without_cuts(method: Method) -> int | None:
+    """The number of stages of a tableau whose series is computed without cuts; None for other methods, and floats."""
+    is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
+    return method.stages if is_tableau and _tableau_stages(method).kind != "float" else None
+
+
+def inputs_of(method: Method, order: int) -> MethodInputs:
     """The input for the coefficients of a method: its stages, or a chain of flows."""
     chain = None if isinstance(method, RungeKutta | PartitionedRungeKutta) else flow_chain(method.program)
     return stages_of(method, order) if chain is None else replace(chain, order=order)
@@ -155,10 +229,10 @@ def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()
         raise SeriesError("method must have entries that can be evaluated, but one divides by zero") from None
     stages = Stages(size, entries[: len(a)], entries[len(a) :], relation, blocks)
     if kind == "float":
-        return MethodStages("float", stages)
+        return FloatStages(stages)
     if kind == "rational":
-        return RationalStages(stages, stages.with_entries([*map(abs, a)], [*map(abs, b)]))
-    return MethodStages("ring", stages, ring, step)
+        return RationalStages(stages, largest_sums(stages))
+    return MethodStages(stages, ring, step)
 
 
 def stages_in_field(method: Method, order: int) -> MethodStages:
@@ -187,7 +261,7 @@ def _in_ring(stages: Any, field: Any) -> MethodStages:
     else:
         step = converted(stages.step, stages.ring, field)
         a, b = ([converted(x, stages.ring, field) / step for x in row] for row in (own.a, own.b))
-    return MethodStages("ring", own.with_entries(a, b), field, field.one)
+    return MethodStages(own.with_entries(a, b), field, field.one)
 
 
 def _float_stages(method: Any, stages: Any) -> MethodStages:
@@ -195,7 +269,7 @@ def _float_stages(method: Any, stages: Any) -> MethodStages:
     if isinstance(stages, RationalStages) and any(own.relation):  # powers of nodes are badly conditioned
         return stages_of(method.to_float(), 1)
     a, b = ([to_float(x) for x in row] for row in (own.a, own.b))
-    return MethodStages("float", own.with_entries(a, b))
+    return FloatStages(own.with_entries(a, b))
 
 
 def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
@@ -211,7 +285,7 @@ def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
     relation = [polynomial[k] * power[count - k] for k in range(count)]
     a = [x.A[i][j] * power[j] / power[i] for x in algebras for i in range(count) for j in range(count)]
     b = [x.b[j] * power[j] for x in algebras for j in range(count)]
-    return RationalStages(Stages(count, a, b, relation, [count]), _bounds(algebras, count))
+    return RationalStages(Stages(count, a, b, relation, [count]), largest_sums(_bounds(algebras, count)))
 
 
 def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
@@ -363,15 +437,6 @@ class FlowChain:
     ring: Any = None  # for the kind ring, the field of the times
     order: int = 1  # the largest number of nodes
 
-    terms: ClassVar = 1
-    units: ClassVar = 2
-    """Even: excludes arithmetic modulo 2^64 for fields, in which the values of a flow cannot be halved."""
-
-    @property
-    def passes(self) -> int:
-        """A recursion for each flow."""
-        return len(self.times)
-
     @cached_property
     def denominator(self) -> int:
         """The common denominator of rational times; 1 in other domains."""
@@ -381,11 +446,6 @@ class FlowChain:
     def step(self) -> Any:
         """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
         return self.ring.one if self.kind == "ring" else self.denominator * primorial(self.order)
-
-    @property
-    def exponent(self) -> int:
-        """k such that |a(τ)| ≤ 2^(k·n): the exact flow over the sum of all |times| is larger tree by tree."""
-        return max(0, (math.ceil(sum(map(abs, self.times))) - 1).bit_length())
 
     def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
         """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.
@@ -413,8 +473,21 @@ class FlowChain:
                         found[n][end::count] = [x + factor * y for x, y in longer]
         return found
 
+    def series(self, table: TreeTable) -> Values:
+        """The coefficients of the method."""
+        size = sum(map(abs, self.times)) if self.kind == "rational" else 0
+        bound = geometric(table.max_order, size, size)  # the exact flow over all times is larger tree by tree
+        operation = Operation(
+            lambda arithmetic, weights: weights(field=False), lambda known: bound, units=2, passes=len(self.times)
+        )  # even units: modulo 2^64 the values of a flow cannot be halved
+        return domains.apply(table, [self], operation)
+
+    def logarithm(self, table: TreeTable) -> Values:
+        """The logarithm of the series."""
+        return lie.logarithm(self.series(table))
+
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-        """The coefficients of the method, by Lie series from the last flow to the first."""
+        """The coefficients in an arithmetic, by Lie series from the last flow to the first."""
         values = None
         for part, time in zip(reversed(self.parts), reversed(self.times), strict=True):
             node = arithmetic.vector([time * arithmetic.node_factor(field=True)])[0]
@@ -423,3 +496,7 @@ class FlowChain:
                 along[color] = node
             values = lie_series(along, values, 1, table, arithmetic, sparse=True)
         return values
+
+
+MethodInputs: TypeAlias = MethodStages | FlowChain
+"""What the series of a method and its logarithm are computed from."""

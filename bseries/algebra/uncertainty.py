@@ -24,7 +24,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.algebra.stages import FlowChain, MethodStages, StageRows
+from bseries.algebra.stages import FloatStages, FlowChain, MethodStages, StageRows
 from bseries.exact.domains import to_float
 from bseries.exact.recursions import Stages
 from bseries.exceptions import SeriesError
@@ -143,7 +143,7 @@ def worst_case(changes: Array, rest: Array | float = 0.0) -> list[float]:
 
 def uncertainty_of(method: Method, inputs: MethodStages | FlowChain, table: TreeTable) -> Uncertainty:
     """The uncertainty of the series of a method in decimals on a table."""
-    nodes = table.arrays[0]
+    nodes = table.arrays.order
     if isinstance(inputs, FlowChain):
         times, errors = _times(inputs, method.digits or 0)
         changes, sizes = (
@@ -178,14 +178,14 @@ def by_differences(
             scale = CHANGE / entries.relative
             da, db = (entries.dense(x, y.shape, range(e, e + 1))[..., 0] * scale for x, y in entries.both)
             up, down = (
-                coefficients(MethodStages("float", stages.stages.with_entries(a.ravel().tolist(), b.ravel().tolist())))
+                coefficients(FloatStages(stages.stages.with_entries(a.ravel().tolist(), b.ravel().tolist())))
                 for a, b in ((entries.a + da, entries.b + db), (entries.a - da, entries.b - db))
             )
             columns.append((np.array(up) - np.array(down)) / (2 * scale))
         return np.array(columns).T.reshape(len(table), -1)
 
-    sizes = table.arrays[0] * 0.0
-    return Uncertainty(table.arrays[0], 0.0, changes, lambda: sizes)
+    sizes = table.arrays.order * 0.0
+    return Uncertainty(table.arrays.order, 0.0, changes, lambda: sizes)
 
 
 def _entries(method: Method, stages: MethodStages, order: int) -> Entries:

@@ -335,11 +335,11 @@ class Leaves:
 
     def _without(self, tree: int) -> Counter[int]:
         """The trees that remain when a leaf other than the root is removed."""
-        left, right = self.table.lists[2][tree], self.table.lists[3][tree]
+        left, right = self.table.lists.left[tree], self.table.lists.right[tree]
         found: Counter[int] = Counter()
         if left < 0:
             return found
-        if self.table.lists[3][right] < 0:
+        if self.table.lists.right[right] < 0:
             found[left] += 1
         for smaller, multiplicity in self.without(left).items():
             found[self.product(smaller, right)] += multiplicity
@@ -384,8 +384,8 @@ class EffectiveOrder:
 
     def _equation(self, tree: int) -> Counter[int]:
         factors = Counter(self._leaves.without(tree))
-        if self._table.lists[2][tree] < self._table.colors:
-            factors[self._table.lists[3][tree]] -= 1
+        if self._table.lists.left[tree] < self._table.colors:
+            factors[self._table.lists.right[tree]] -= 1
         return factors
 
 
@@ -409,7 +409,7 @@ class ConjugateSymplectic:
         self._keys: list[dict[tuple[int, ...], tuple[int, int]]] = [{} for _ in range(table.max_order + 1)]
         _, color, left, right = table.lists
         for tree, turned in enumerate(self._roots.turned):
-            keys = self._keys[self._columns[0][tree]]
+            keys = self._keys[self._columns.order[tree]]
             if self._roots.flips and color[tree] == 0:
                 keys[tree,] = tree, self._roots.flipped[tree]
             if left[tree] >= 0 and not (self._roots.flips and color[left[tree]] == color[right[tree]]):

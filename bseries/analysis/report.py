@@ -119,7 +119,7 @@ class Report(NamedTuple):
             "tested_to": self.tested_to,
         }
         if self.rounded is not None:
-            data["rounded_order"] = self.rounded._asdict()
+            data["rounded_order"] = self.rounded.to_dict()
         if self.embedded_orders:
             data["embedded_orders"] = list(self.embedded_orders)
         verdicts = {

@@ -11,6 +11,7 @@ from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, in
 from bseries.algebra.uncertainty import rough_series
 from bseries.analysis.order import affordable_order, exact_values_of, order_of, trusted
 from bseries.exact.domains import alike
+from foundation.table import Table, as_html, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -28,7 +29,8 @@ class RoundedOrder(NamedTuple):
         digits: The largest number of digits for which all residuals up to this order are within the worst case.
 
     Example:
-        >>> str(RoundedOrder(4, 15))
+        >>> import bseries as bs
+        >>> str(bs.analysis.RoundedOrder(4, 15))
         'order 4 to 15 digits'
     """
 
@@ -37,6 +39,16 @@ class RoundedOrder(NamedTuple):
 
     def __str__(self) -> str:
         return f"order {self.order} to {self.digits} digits"
+
+    def to_dict(self) -> dict[str, int]:
+        """The order and the digits as plain data."""
+        return self._asdict()
+
+    def to_table(self) -> Table:
+        """The order and the digits as a table."""
+        return fact_table(str(self), self.to_dict().items())
+
+    _repr_html_ = as_html
 
 
 def rounded_order(method: Method | str) -> RoundedOrder | None:
@@ -57,12 +69,12 @@ def rounded_order(method: Method | str) -> RoundedOrder | None:
         SeriesError: `method` is no method.
 
     Example:
-        >>> from integrators import RungeKutta
-        >>> sdirk = RungeKutta(
+        >>> import bseries as bs
+        >>> sdirk = bs.RungeKutta(
         ...     [["0.292893218813452", 0], ["0.707106781186548", "0.292893218813452"]],
         ...     ["0.707106781186548", "0.292893218813452"],
         ... )
-        >>> order_of(sdirk), str(rounded_order(sdirk)), rounded_order("rk4")
+        >>> bs.order_of(sdirk), str(bs.analysis.rounded_order(sdirk)), bs.analysis.rounded_order("rk4")
         (1, 'order 2 to 15 digits', None)
     """
     method = check_method(as_method(method))

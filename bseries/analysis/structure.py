@@ -405,7 +405,7 @@ def volume_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
     """
     closure(table, blocks)  # raises for blocks on other restricted tables
     product = grafting(table)
-    order = table.lists[0]
+    order = table.lists.order
     words: list[dict[tuple[int, ...], int]] = [{}]  # by number of nodes: cycles cut open, and the resulting tree
     for n in range(1, table.max_order + 1):
         words.append({(tree,): tree for tree in table.ids(n)})
@@ -463,7 +463,7 @@ def cubic_conditions(table: TreeTable, blocks: bool) -> Iterator[Row]:
     """
     if not is_complete(table):
         raise restricted_table_error(table, "all trees up to its order")
-    product, order, last = grafting(table), table.lists[0], table.max_order
+    product, order, last = grafting(table), table.lists.order, table.max_order
     ends = [0, *(table.ids(n).stop for n in range(1, last + 1))]  # of the trees with up to n nodes
     for u in range(len(table)):
         for v in range(u, ends[last - order[u]]):

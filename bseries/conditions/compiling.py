@@ -17,7 +17,7 @@ import numpy as np
 from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
 from bseries.conditions.formulas import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
-from trees.compiled import kernel
+from foundation.kernels import kernel
 
 Tables = tuple[np.ndarray, ...]
 

@@ -277,7 +277,7 @@ def _exact_generating_function() -> str:
     """The terms of (24): the generating function of the exact flow."""
     function, momenta, positions = _any_hamiltonian()
     terms = bs.hamiltonians.exact_generating_function(function, momenta, positions, 3).terms
-    name = r"{\widetilde H}"
+    name = r"\widetilde{H}"
     return _lines(rf"\widetilde S_{k} &= {_partial_derivatives(term, name)}" for k, term in enumerate(terms, 1))
 
 

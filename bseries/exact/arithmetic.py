@@ -1,4 +1,4 @@
-"""Arithmetics: exact numbers, floats, residues, and rigorous bounds, for the same recursions.
+"""Arithmetics: exact numbers, floats and residues, for the same recursions.
 
 A recursion (`bseries.exact.recursions`) is written once. An arithmetic (`Exact` and its subclasses) says how vectors
 are stored, how numbers enter, and whether kernels run compiled. Some arithmetics scale values by a factor per node,
@@ -8,33 +8,27 @@ with different exponents for flows and fields (see `Wrapped`); the others do not
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from bseries.exceptions import SeriesError
-from trees.compiled import Kernel
+from foundation.kernels import Kernel
 
 if TYPE_CHECKING:
     from trees.table import TreeTable
 
-PRIME_BITS = 30
-"""Primes are just below 2^30, residues below (1/2 + 2^−17) p: the sum of `MOST_TERMS` products fits in int64."""
 MOST_TERMS = 30
+"""Products of residues below (1/2 + 2^−17) 2^30 that fit in int64 together."""
 FEW_TREES = 100
 """Fractions for so many trees take about 15 ms; flint loads in 25 ms."""
-MOST_STAGES = 1000
-"""Up to this many stages, rounding errors of `Majorant` stay within its allowance."""
 
 
 class Exact:
     """Python or SymPy numbers in lists; kernels run uncompiled."""
 
-    modulus: Any = 0
-    majorant = compiled = False
-    dtype = "object"
+    modulus: int = 0
+    compiled = False
 
     def __init__(self, element: Callable[[Any], Any] | None = None):
         self._element = element
@@ -43,21 +37,17 @@ class Exact:
         """The interpreted or compiled version of a kernel."""
         return kernel.compiled if self.compiled else kernel.py_func
 
-    def by_order(self, table: TreeTable) -> bool:
-        """Whether recursions treat all trees of an order at once, since the table is not made for compiled kernels."""
-        return self.compiled and not table.compiled
-
-    def zeros(self, size: int, *, wide: bool = False) -> Any:
-        """A vector of `size` zeros; `wide`: wide enough for sums of products."""
+    def zeros(self, size: int) -> Any:
+        """A vector of `size` zeros."""
         return [0] * size
 
-    def width(self, entries: int) -> Any:
+    def width(self, entries: int) -> int:
         """Length of a row for this many entries."""
         return max(entries, 1)
 
-    def lengths(self, numbers: int | Sequence[int]) -> Any:
-        """A length, or several."""
-        return numbers
+    def indices(self, numbers: Sequence[int]) -> Any:
+        """A vector of indices."""
+        return list(numbers)
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree, as the kernels expect them."""
@@ -91,10 +81,6 @@ class Exact:
         """Factor on 1/j! (see `Wrapped`)."""
         return 1
 
-    def raised(self, values: Any, table: TreeTable) -> Any:
-        """The values that a solution starts from; bounds are kept away from zero (see `Majorant`)."""
-        return values
-
     entry_factors = (1, 1)
     """Factors on the entries of stage matrices and on weights (see `WrappedStages`)."""
 
@@ -104,29 +90,29 @@ class Compiled(Exact):
 
     compiled = True
     dtype: str
-    wide: str
 
-    def zeros(self, size: int, *, wide: bool = False) -> Any:
+    def zeros(self, size: int) -> Any:
         """An array of `size` zeros."""
         import numpy as np
 
-        return np.zeros(size, self.wide if wide else self.dtype)
+        return np.zeros(size, self.dtype)
 
-    def width(self, entries: int) -> Any:
+    def width(self, entries: int) -> int:
         """Length of a row: a multiple of four, a full set of SIMD lanes."""
-        return self.lengths(max(entries + 3, 4) // 4 * 4)
+        return max(entries + 3, 4) // 4 * 4
 
-    def lengths(self, numbers: int | Sequence[int]) -> Any:
-        """A length, or several, unsigned."""
+    def indices(self, numbers: Sequence[int]) -> Any:
+        """An array of indices."""
         import numpy as np
 
-        return np.asarray(numbers, np.uint64)[()]
+        return np.array(numbers, np.int64)
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
-        """Columns of ids as arrays."""
+        """Columns of ids as arrays: where each tree begins, then ids, of the types in compiled tables."""
         import numpy as np
 
-        return tuple(np.asarray(x) for x in columns)
+        start, *others = columns
+        return np.asarray(start, np.int64), *(np.asarray(x, np.uint32) for x in others)
 
     def vector(self, values: Sequence[Any]) -> Any:
         """An array of exact numbers."""
@@ -155,61 +141,17 @@ class FloatLists(Exact):
 class Float(Compiled, FloatLists):
     """float64."""
 
-    dtype = wide = "float64"
-
-
-class Majorant(Float):
-    """Rigorous upper bounds of absolute values, in float64.
-
-    Lie derivatives are sums of products, so bounds on |b| and |c| give bounds on |∂_b^j c| by the same recursion, and
-    every other operation is a sum of those with known factors: all factors are made positive. In particular |log a| is
-    bounded by the β with β = |a| + Σ_{j≥2} ∂_β^{j−1} β / j!. (−log(−|a|) would be wrong: it bounds log a on tall trees
-    only, because the signs in a product over a forest multiply.)
-
-    Values of trees with n nodes are scaled by 2^(−exponent·n) so that no input exceeds 1, and raised to at least
-    2^(−floor·n) unless zero, so that nothing over- or underflows. Nothing is subtracted: a product of n inputs is
-    rounded at most 3 n² + (s + 4) n times (s stages; in blocks s n² times). Within `MOST_TERMS` and `MOST_STAGES` the
-    relative error stays below 2^−33, and `SLACK` covers several such steps.
-    """
-
-    majorant = True
-    SLACK = 1 + 2.0**-20
-
-    def __init__(self, exponent: int, order: int):
-        super().__init__()
-        self.exponent = exponent
-        self.floor = 800 // order
-
-    def number(self, value: Any) -> float:
-        """|value| rounded up, at least the smallest positive number in use unless zero."""
-        return max(abs(float(value)) * (1 + 2.0**-50), 2.0**-self.floor) if value else 0.0
-
-    def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
-        """Bounds on factors."""
-        return Exact.factors(self, values)
-
-    def node_factor(self, *, field: bool) -> Any:
-        """The scaling of values with one node."""
-        return Fraction(2) ** -self.exponent
-
-    def raised(self, values: Any, table: TreeTable) -> Any:
-        """Values of at least 2^(−floor·n), far above anything that underflows in later products."""
-        import numpy as np
-
-        return np.maximum(values, 2.0 ** -(self.floor * table.order.astype(float)))
+    dtype = "float64"
 
 
 class Prime(Compiled):
     """Residues of least absolute value modulo a prime below 2^30."""
 
-    dtype, wide = "int32", "int64"
+    dtype = "int64"
 
     def __init__(self, prime: int):
-        import numpy as np
-
         super().__init__()
-        self.prime = prime
-        self.modulus = np.int64(prime)
+        self.prime = self.modulus = prime
 
     def number(self, value: Any) -> int:
         """The residue of a rational number whose denominator the prime does not divide."""
@@ -226,13 +168,10 @@ class Wrapped(Compiled):
     towards a field) is a 2-adic integer: the recursions need no other factors and no division.
     """
 
-    dtype = wide = "int64"
+    dtype = "int64"
 
     def __init__(self, twos: int):
-        import numpy as np
-
         super().__init__()
-        self.modulus = np.int64(0)
         self.twos = twos
 
     def number(self, value: Any) -> int:
@@ -293,9 +232,25 @@ class WrappedStages(Wrapped):
         return 2 ** max(0, (j - 1) * (self.of_weights + 1) + (not field))
 
 
+@lru_cache(maxsize=1)
+def integers() -> Exact:
+    """Python's integers."""
+    return Exact(whole)
+
+
+def whole(value: Any) -> int:
+    """A whole rational number, of Python or of flint, as an integer."""
+    if isinstance(value, int):
+        return value
+    numerator, denominator = value.as_integer_ratio() if isinstance(value, Fraction) else (value.p, value.q)
+    if denominator != 1:
+        raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
+    return int(numerator)
+
+
 def rationals(trees: float = math.inf) -> Exact:
     """Exact rational arithmetic: for few trees, Fractions take less time than loading flint."""
-    return _fractions() if trees <= FEW_TREES and "flint" not in sys.modules else _flint()
+    return _fractions() if trees <= FEW_TREES else _flint()
 
 
 @lru_cache(maxsize=1)
@@ -314,7 +269,6 @@ prime_field = lru_cache(maxsize=1024)(Prime)
 wrapped_integers = lru_cache(maxsize=64)(Wrapped)
 wrapped_stages = lru_cache(maxsize=64)(WrappedStages)
 wrapped_parts = lru_cache(maxsize=64)(WrappedParts)
-majorants = lru_cache(maxsize=64)(Majorant)
 
 
 @lru_cache(maxsize=1024)
@@ -327,17 +281,3 @@ def factorial_weights(
         weights.append(weight * arithmetic.doubling(j, field=field))
         weight = weight * factor / (j + 1)
     return arithmetic.factors(weights)
-
-
-def primes_beyond(bits: float, avoid: int) -> list[int]:
-    """Primes, none of which divides `avoid`, whose product exceeds 2^bits."""
-    from flint import fmpz
-
-    chosen, product_bits = [], 0.0
-    for number in range(2**PRIME_BITS - 1, 2**PRIME_BITS - 2**18, -2):
-        if product_bits > bits:
-            return chosen
-        if fmpz(number).is_prime() and avoid % number:
-            chosen.append(number)
-            product_bits += math.log2(number) - 1e-9
-    raise SeriesError(f"method must have coefficients of fewer digits: exact results would take {bits:.0f} bits each")

@@ -36,6 +36,7 @@ from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
 from bseries.exact.number_fields import NoNumberFieldError, domain_of
 from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
+from foundation.lowering.flat_kernels import machine_code_pays
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
 from integrators.exact.polynomials import to_flint
@@ -95,6 +96,14 @@ class FloatValues(Values):
     def homogeneous(self, *, flow: bool) -> list[float]:
         """The coefficients themselves."""
         return self.coefficients()
+
+    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
+        """The values as a vector of their own: recursions write into it."""
+        if not arithmetic.compiled:
+            return self.coefficients()
+        import numpy as np
+
+        return np.array(self.raw, float)
 
 
 class RingValues(Values):
@@ -303,21 +312,27 @@ def as_ring(values: Any) -> RingValues:
 def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
-    if first.kind != "ring" and not table.compiled:
-        by_order = first.kind == "rational" and rational_series.works_by_order(table, operation)
-        seconds = rational_series.interpreted_seconds(table, operation)
-        table.choose_kernels(seconds / (rational_series.BY_ORDER if by_order else 1))
     if first.kind == "rational":
         return rational_series.evaluate(table, operands, operation)
-    arithmetic = floats() if first.kind == "float" and table.compiled else interpreted(first)
+    pays = first.kind == "float" and machine_code_pays(rational_series.work(table, operation))
+    arithmetic = floats() if pays else interpreted(first)
     raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
-    if first.kind == "ring":
-        values = RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step)
-        is_rational = all(isinstance(values[at], Fraction) for at in range(len(table)))
-        return RationalValues.from_fractions(table, values.coefficients()) if is_rational else values
+    if first.kind == "float":
+        return float_values(table, raw)
+    return narrowed(RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step))
+
+
+def float_values(table: TreeTable, raw: Any) -> FloatValues:
+    """Values in floats, a list or an array, which must be finite."""
     if not all(map(math.isfinite, raw if isinstance(raw, list) else [abs(raw).max()])):
         raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
     return FloatValues(table, raw)
+
+
+def narrowed(values: RingValues) -> Values:
+    """The values as rational numbers if all are."""
+    is_rational = all(isinstance(values[at], Fraction) for at in range(len(values.table)))
+    return RationalValues.from_fractions(values.table, values.coefficients()) if is_rational else values
 
 
 def interpreted(operand: Any) -> Exact:

@@ -1,9 +1,9 @@
 """Rational series: integers over one denominator for each number of nodes, and operations on them.
 
 The integers are proved by three facts about an operation. (1) A *denominator bound*: D_n such that D_n · result(τ) is
-an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)|, computed by the same recursion on absolute
-values (`bseries.exact.arithmetic.Majorant`). (3) The result modulo M, computed without rounding. Once
-M > 2 · bound · D_n, only one integer fits. Denominator bounds, for a flow a with a(τ) L^n integral:
+an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)| (`bseries.exact.bounds`). (3) The result modulo
+M, computed without rounding. Once M > 2 · bound · D_n, only one integer fits (`bseries.exact.residues`). Denominator
+bounds, for a flow a with a(τ) L^n integral:
 
 - weights of a method whose entries have the common denominator L: L^n (n entries are multiplied);
 - log a = Σ (−1)^{j+1} (a−ε)^j / j, j ≤ n: lcm(1, …, n) L^n, which is minimal for n ≤ 12;
@@ -14,27 +14,22 @@ M > 2 · bound · D_n, only one integer fits. Denominator bounds, for a flow a w
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
-from operator import add
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exact import arithmetic as arithmetics
-from bseries.exact import kernels
-from bseries.exact.arithmetic import MOST_STAGES, MOST_TERMS, Exact, Majorant, Prime, Wrapped
-from trees.compiled import arrays_pay, interpreting
+from bseries.exact import bounds
+from bseries.exact.arithmetic import MOST_TERMS, Exact, Prime, Wrapped, whole
+from bseries.exact.bounds import Bound
+from bseries.exact.residues import exact_integers, largest_size
+from foundation.lowering.flat_kernels import machine_code_pays
 
 if TYPE_CHECKING:
+    from bseries.exact.residues import Words
     from trees.table import TreeTable
-
-BY_ORDER = 20
-"""How much faster than the interpreter the recursions on whole orders are."""
-SMALL = 2000
-"""Number of trees below which a pass takes no longer than handing it to another thread."""
 
 
 class Values:
@@ -159,28 +154,19 @@ class RationalValues(Values):
         factors = [self.step**n // d if flow else 1 for n, d in enumerate(self.denominators)]
         if max(factors) == 1:
             return self.raw
-        return [int(x) * factors[n] for n, x in zip(self.table.lists[0], self.raw, strict=True)]
-
-    @property
-    def exponent(self) -> int:
-        """k such that no value exceeds 2^(k·n)."""
-        return math.ceil(self.growth)
+        return [int(x) * factors[n] for n, x in zip(self.table.lists.order, self.raw, strict=True)]
 
     @cached_property
-    def growth(self) -> float:
-        """Some κ ≥ 0 such that no value exceeds 2^(κ·n)."""
-        parts = (self.raw[first:last] for first, last in pairwise(self.table.offsets))
-        if isinstance(self.raw, list):
-            largest = [max(map(abs, part), default=0) for part in parts]
-        else:  # |−2^63| overflows int64
-            largest = [max(int(part.max(initial=0)), -int(part.min(initial=0))) for part in parts]
-        logs = [(math.log2(x) - math.log2(self.denominators[n])) / n for n, x in enumerate(largest, 1) if x]
-        most = max(logs, default=0.0)
-        return most + 1e-9 if most > 0 else 0.0
+    def bound(self) -> Bound:
+        """The largest absolute values, by number of nodes."""
+        found = [bounds.ONE]
+        for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
+            found.append(bounds.scaled(Fraction(largest_size(self.raw[first:last]), self.denominators[n])))
+        return tuple(found)
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
         """The values as a raw vector of an arithmetic; `table` is that of these values."""
-        if not isinstance(arithmetic, Wrapped | Prime | Majorant):
+        if not isinstance(arithmetic, Wrapped | Prime):
             return arithmetic.vector(self.coefficients())
         import numpy as np
 
@@ -188,14 +174,7 @@ class RationalValues(Values):
         for n, (first, last) in enumerate(pairwise(table.offsets), 1):
             part, common = self.raw[first:last], self.denominators[n]
             part = np.array(part, object) if isinstance(part, list) else part
-            if isinstance(arithmetic, Majorant):
-                scale: Any = common << (arithmetic.exponent * n)
-                if part.dtype != object:
-                    part, scale = part.astype(float), float(scale) if scale.bit_length() < 1000 else math.inf
-                bounds = np.abs(part / scale).astype(float)
-                bounds = np.maximum(bounds * (1 + 2.0**-50), 2.0 ** -(arithmetic.floor * n))
-                vector[first:last] = np.where(part != 0, bounds, 0.0)
-            elif isinstance(arithmetic, Wrapped):
+            if isinstance(arithmetic, Wrapped):
                 if part.dtype == object:
                     part = (part & (2**64 - 1)).astype(np.uint64).view(np.int64)
                 factor = Fraction(2 ** arithmetic.twos_of(n, field=field), common)
@@ -216,12 +195,12 @@ class Operation(NamedTuple):
     """
 
     expression: Callable[..., Any]
+    bound: Callable[[Bound], Bound]  # on the result, from what is known of it at the smallest trees
     denominator: Callable[[int, int], int] = lambda n, step: step**n  # denominator(n, L) is the denominator bound D_n
     step: Callable[[int, int], int] = lambda order, step: step  # step(order, L) is some L for the result
     field: bool = False  # whether the raw result is scaled as a field (see `Wrapped`)
     units: int = 1
     avoid: int = 1  # a number divided by: its prime factors are not used as moduli
-    bounds: Sequence[float] | None = None  # log₂ of bounds on the result for n = 1, 2, … nodes, if known without a run
     integers: Wrapped | None = None  # the arithmetic modulo 2^64 (None: the homogeneous one, see `Wrapped`)
     passes: int = 1  # about how many recursions over all trees the operation takes
 
@@ -237,12 +216,16 @@ def wider_step(order: int, step: int) -> int:
     return step * primorial(order)
 
 
+def work(table: TreeTable, operation: Operation) -> int:
+    """About the number of products that an operation computes."""
+    return table.max_order**2 * len(table) * operation.passes // 2
+
+
 def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> RationalValues:
     """Exact values of an operation on rational sources, the stages of a method or series.
 
-    A source has a `step` L, for which values at trees with n nodes become integers when multiplied by L^n, an
-    `exponent` k, for which they are at most 2^(k·n) in absolute value, the number `terms` of products in the longest
-    sum when it is loaded, and `load`, as in `Values`.
+    A source has a `step` L, for which values at trees with n nodes become integers when multiplied by L^n, and `load`,
+    as in `Values`.
     """
     common = math.lcm(*(source.step for source in sources))
     denominators = (1, *(operation.denominator(n, common) for n in range(1, table.max_order + 1)))
@@ -251,28 +234,32 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
     def run(arithmetic: Exact) -> Any:
         return operation.expression(arithmetic, *(partial(source.load, table, arithmetic) for source in sources))
 
-    has_bounds = table.max_order <= MOST_TERMS and max(source.terms for source in sources) <= MOST_STAGES
-    if has_bounds and (table.compiled or works_by_order(table, operation)):
-        integers = scaling = None
-        if operation.units % 2:
-            integers = operation.integers or arithmetics.wrapped_integers(twos(common))
-            scaling = _scaling(integers, denominators, operation.field)
-            denominators = scaling.denominators
-        if operation.bounds is None:
-            bits = _bits(table, run, max(source.exponent for source in sources), denominators)
-        else:
-            bits = [bound + math.log2(d) for bound, d in zip(operation.bounds, denominators[1:], strict=True)]
-        if bits and integers and scaling and max(map(add, bits, scaling.excess)) < 62:
-            return RationalValues(table, _run_wrapped(table, run, integers, scaling), denominators, step)
-        if bits:
-            table.choose_kernels(interpreted_seconds(table, operation))
-        if bits and table.compiled:
-            avoid = common * operation.units * operation.avoid
-            return RationalValues(table, _run_primes(table, run, max(bits), avoid, denominators), denominators, step)
-    with interpreting():
+    if table.max_order > MOST_TERMS or not machine_code_pays(work(table, operation)):
         values = run(arithmetics.rationals(len(table)))
-    scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
-    return RationalValues(table, [_integer(value) for value in scaled], denominators, step)
+        scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
+        return RationalValues(table, list(map(whole, scaled)), denominators, step)
+    words: Any = None
+    scaling: Scaling | None = None
+    if operation.units % 2:
+        words = operation.integers or arithmetics.wrapped_integers(twos(common))
+        scaling = _scaling(words, denominators, operation.field)
+        denominators = scaling.denominators
+
+    def residues(prime: int) -> Words:
+        if prime:
+            return _prime_numerators(table, run(arithmetics.prime_field(prime)), denominators, prime)
+        return _word_numerators(table, run(words), scaling)
+
+    def bits_of(largest: Sequence[int]) -> list[int]:
+        known = zip(largest, denominators[1:], strict=False)
+        found = operation.bound((bounds.ONE, *(bounds.scaled(Fraction(x, d)) for x, d in known)))
+        return bounds.numerator_bits(found, denominators)
+
+    numerators = exact_integers(
+        residues, table.offsets, bits_of, [d.bit_length() for d in denominators[1:]],
+        lost=None if scaling is None else scaling.excess, avoid=common * operation.units * operation.avoid,
+    )  # fmt: skip
+    return RationalValues(table, numerators, denominators, step)
 
 
 class Scaling(NamedTuple):
@@ -280,8 +267,8 @@ class Scaling(NamedTuple):
 
     denominators: tuple[int, ...]  # without factors of two that the scaling excludes
     excess: list[int]  # exponents of two by which raw values exceed the numerators, for n = 1, 2, …
-    odd: Any  # the odd part of each denominator modulo 2^64
-    shift: Any  # `excess` as an array, from n = 0
+    odd: Words  # the odd part of each denominator modulo 2^64
+    shift: Words  # `excess` as an array, from n = 0
 
 
 @lru_cache(maxsize=64)
@@ -294,97 +281,19 @@ def _scaling(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> S
     return Scaling(sharp, excess, np.array([integers.number(d >> twos(d)) for d in sharp]), np.array([0, *excess]))
 
 
-def interpreted_seconds(table: TreeTable, operation: Operation) -> float:
-    """About the time of an operation on series in the interpreter."""
-    return 4e-6 * table.max_order * len(table) * operation.passes
-
-
-def works_by_order(table: TreeTable, operation: Operation) -> bool:
-    """Whether the recursions should run on whole orders, unless the table is made for compiled kernels."""
-    homogeneous = operation.units % 2 == 1 and operation.integers is None
-    return homogeneous and arrays_pay(interpreted_seconds(table, operation))
-
-
-def _integer(value: Any) -> int:
-    """A whole rational number, of Python or of flint, as an integer."""
-    if isinstance(value, int):
-        return value
-    numerator, denominator = value.as_integer_ratio() if isinstance(value, Fraction) else (value.p, value.q)
-    if denominator != 1:
-        raise ArithmeticError(f"denominator bound is wrong: {value} is not an integer")
-    return int(numerator)
-
-
-def _bits(
-    table: TreeTable, run: Callable[[Exact], Any], exponent: int, denominators: Sequence[int]
-) -> list[float] | None:
-    """Proved bounds on log₂ |numerator| for trees with 1, 2, … nodes; None beyond the range of floats."""
-    import numpy as np
-
-    try:
-        bounds = run(arithmetics.majorants(exponent, table.max_order))
-    except OverflowError:
-        return None
-
-    filled = [n for n, (first, last) in enumerate(pairwise(table.offsets), 1) if last > first]
-    largest = np.maximum.reduceat(bounds, [table.offsets[n - 1] for n in filled]).tolist()
-    bits = [0.0] * table.max_order
-    for n, bound in zip(filled, largest, strict=True):
-        if not bound < math.inf:
-            return None
-        bits[n - 1] = math.log2(bound * Majorant.SLACK) + exponent * n + math.log2(denominators[n]) if bound else 0.0
-    return bits
-
-
-def _run_wrapped(table: TreeTable, run: Callable[[Exact], Any], arithmetic: Wrapped, scaling: Scaling) -> Any:
-    values = run(arithmetic)
+def _word_numerators(table: TreeTable, values: Words, scaling: Any) -> Words:
     values *= scaling.odd[table.order]
     values >>= scaling.shift[table.order]
     return values
 
 
-def _run_primes(
-    table: TreeTable, run: Callable[[Exact], Any], bits: float, avoid: int, denominators: Sequence[int]
-) -> Any:
-    """One run for each prime, in parallel threads: compiled kernels release the GIL."""
+def _prime_numerators(table: TreeTable, values: Words, denominators: Sequence[int], prime: int) -> Words:
     import numpy as np
 
-    primes = arithmetics.primes_beyond(bits + 2, avoid)
-    residues = np.empty((len(primes), len(table)), np.int32)
-
-    def one(i: int) -> None:
-        values = run(arithmetics.prime_field(primes[i])).astype(np.int64)
-        factors = np.array([d % primes[i] for d in denominators])
-        values *= factors[table.order]
-        values %= primes[i]
-        residues[i] = values
-
-    run_all = _threads(os.getpid()).map if len(table) > SMALL else map
-    list(run_all(one, range(len(primes))))
-    return combine(residues, primes, bits)
-
-
-@lru_cache(maxsize=1)
-def _threads(process: int) -> ThreadPoolExecutor:
-    """One pool for each process: starting threads takes longer than a pass over a small table."""
-    return ThreadPoolExecutor(min(os.cpu_count() or 1, 8))
-
-
-def combine(residues: Any, primes: Sequence[int], bits: float) -> Any:
-    """The integers below 2^bits in size with these residues: an int64 array if they fit, else a list."""
-    import numpy as np
-
-    words = 2 if bits < 62 else int(bits + 2) // 32 + 1
-    inverses = np.array([[pow(q, -1, p) if q != p else 0 for q in primes] for p in primes], np.int64)
-    limbs = np.empty((residues.shape[1], words), np.int64)
-    digits = np.empty((len(primes), 256), np.int64)
-    kernels.chinese_remainder.compiled(residues, np.array(primes, np.int64), inverses, words, digits, limbs)
-    stored = limbs.astype("<u4")
-    low = np.ascontiguousarray(stored[:, :2]).view("<i8")[:, 0]
-    if np.array_equal(stored[:, 2:].view("<i4"), np.broadcast_to((low >> 63)[:, None], (len(low), words - 2))):
-        return low  # usually the numbers are far smaller than their bounds
-    data, width = stored.tobytes(), 4 * words
-    return [int.from_bytes(data[i : i + width], "little", signed=True) for i in range(0, len(data), width)]
+    factors = np.array([d % prime for d in denominators])
+    values *= factors[table.order]
+    values %= prime
+    return np.where(2 * values > prime, values - prime, values)
 
 
 def smallest_step(denominators: Sequence[int], step: int) -> int:

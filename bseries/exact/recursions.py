@@ -1,4 +1,4 @@
-"""Recursions over a table of trees, in any arithmetic: elementary weights, logarithm, Lie series, substitution.
+"""Recursions over a table of trees, in any arithmetic: logarithm, Lie series, substitution.
 
 Arguments and results are raw vectors of an arithmetic, one number per tree; `bseries.exact.domains` turns them into
 coefficients. The denominators of substituted series are here as well.
@@ -27,77 +27,83 @@ class Stages:
     z, a polynomial in the time of an exact flow (`bseries.algebra.stages`).
     """
 
-    __slots__ = ("a", "b", "blocks", "longest", "relation", "size")
+    __slots__ = ("a", "b", "ends", "longest", "relation", "size", "sizes")
 
     def __init__(self, size: int, a: list[Any], b: list[Any], relation: Sequence[Any] = (), blocks: Sequence[int] = ()):
         self.size = size
         self.a = a
         self.b = b
-        self.relation = list(relation)
-        self.blocks = list(accumulate(blocks, initial=0)) if relation else []
-        self.longest = max(blocks, default=1)
+        self.relation = list(relation) or [0] * size
+        self.sizes = list(blocks) or [1] * size
+        self.ends = list(accumulate(self.sizes, initial=0))
+        self.longest = max(self.sizes, default=1)
 
     def with_entries(self, a: list[Any], b: list[Any]) -> Stages:
         """Other entries in the same blocks."""
-        return Stages(self.size, a, b, self.relation, self.sizes if self.relation else ())
+        return Stages(self.size, a, b, self.relation, self.sizes)
 
-    @property
-    def sizes(self) -> list[int]:
-        """Length of every block."""
-        return [last - first for first, last in pairwise(self.blocks)] or [1] * self.size
+    def then(self, other: Stages) -> Stages:
+        """The stages of the method that takes a step of this one, then one of the other."""
+        units, rows, weights = set(other.ends), list[Any](), list[Any]()
+        for color in range(len(self.b) // self.size):
+            b = self.b[color * self.size : (color + 1) * self.size]
+            rows += [x for row in self._rows(color) for x in (*row, *[0] * other.size)]
+            rows += [
+                x for i, row in enumerate(other._rows(color)) for x in (*(b if i in units else [0] * self.size), *row)
+            ]
+            weights += [*b, *other.b[color * other.size : (color + 1) * other.size]]
+        relation, sizes = self.relation + other.relation, self.sizes + other.sizes
+        return Stages(self.size + other.size, rows, weights, relation, sizes)
 
+    def inverse(self) -> Stages:
+        """The stages of the inverse map: A − 1 bᵀ and −b."""
+        units, rows = set(self.ends), list[Any]()
+        for color in range(len(self.b) // self.size):
+            b = self.b[color * self.size : (color + 1) * self.size]
+            for i, row in enumerate(self._rows(color)):
+                rows += [x - y for x, y in zip(row, b, strict=True)] if i in units else row
+        return self.with_entries(rows, [-x for x in self.b])
 
-def elementary_weights(stages: Stages, table: TreeTable, arithmetic: Exact, *, field: bool = False) -> Any:
-    """Elementary weights of a method for every tree; `field`: scaled as a field (see `Wrapped`)."""
-    size, top, count = len(table), table.offsets[-2], stages.size
-    blocks, start, column, a, b, relation = entries(stages, arithmetic, field)
-    _, color, left, right = arithmetic.columns(table)
-    weight = arithmetic.zeros(size)
-    if arithmetic.by_order(table):
-        _weights_by_order(
-            table, count, stages.longest, (blocks, start, column, a, b, relation), weight, arithmetic.dtype
-        )
-        return weight
-    arithmetic.run(kernels.elementary_weights)(
-        0, size, top, table.colors, left, right, color, arithmetic.lengths(count), blocks, start,
-        column, a, b, relation, arithmetic.modulus, arithmetic.zeros(top * count), arithmetic.zeros(top * count),
-        weight, arithmetic.zeros(count, wide=True), arithmetic.zeros(2 * stages.longest, wide=True),
-    )  # fmt: skip
-    return weight
+    def scaled(self, factor: Any) -> Stages:
+        """The stages of the method with another step size."""
+        return self.with_entries([x * factor for x in self.a], [x * factor for x in self.b])
+
+    def _rows(self, color: int) -> list[list[Any]]:
+        """The rows of the matrix of a colour."""
+        first = color * self.size**2
+        return [self.a[first + i * self.size : first + (i + 1) * self.size] for i in range(self.size)]
 
 
 @lru_cache(maxsize=1024)
-def entries(stages: Stages, arithmetic: Exact, field: bool | None) -> tuple[Any, ...]:
-    """The entries of a method in an arithmetic, matrices in compressed sparse rows.
+def entries(stages: Stages, arithmetic: Exact, factors: tuple[Any, Any] = (1, 1)) -> tuple[Any, ...]:
+    """Blocks and entries as arguments of kernels; entries of matrices and weights are multiplied by these factors.
 
-    Entries carry the scaling of one node, weights that of a field or flow; with `field` None, neither does.
+    Returns:
+        The number of blocks, their ends, the relation, the matrices in compressed sparse rows (starts of rows, columns,
+        entries), and the weights.
     """
-    node, last = (
-        arithmetic.entry_factors
-        if field is None
-        else (arithmetic.node_factor(field=False), arithmetic.node_factor(field=field))
-    )
     filled = [k for k, entry in enumerate(stages.a) if entry]
-    start = [bisect_left(filled, stages.size * row) for row in range(len(stages.a) // stages.size + 1)]
+    start = [bisect_left(filled, stages.size * row) for row in range(len(stages.a) // max(stages.size, 1) + 1)]
+    of_matrix, of_weights = factors
     return (
-        arithmetic.lengths(stages.blocks),
-        arithmetic.lengths(start),
-        arithmetic.lengths([k % stages.size for k in filled]),
-        arithmetic.vector([stages.a[k] * node for k in filled]),
-        arithmetic.vector([entry * last for entry in stages.b]),
+        len(stages.sizes),
+        arithmetic.indices(stages.ends),
         arithmetic.vector(stages.relation),
+        arithmetic.indices(start),
+        arithmetic.indices([k % stages.size for k in filled]),
+        arithmetic.vector([stages.a[k] * of_matrix for k in filled]),
+        arithmetic.vector([entry * of_weights for entry in stages.b]),
     )
 
 
 def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
     """The field b with exp b = target, a flow with the scaling of a field.
 
-    Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!; for bounds the differences become sums.
+    Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!.
     """
     field = arithmetic.zeros(len(table))
     weights = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
-    one = arithmetic.vector([1])[0]  # in the type of the vectors: a kernel is compiled once per type
-    _lie_series(table, arithmetic, True, False, field, arithmetic.zeros(0), one, weights, target)
+    _lie_series(table, arithmetic, True, False, field, None, 1, weights, target)
     return field
 
 
@@ -110,12 +116,9 @@ def lie_series(
     c(τ) = base (None: zero) and c(∅) = base_empty. `weights`, `factors` of the arithmetic, may take the place of
     factor^j/j!; `sparse` says that the field vanishes at most trees.
     """
-    factor = abs(factor) if arithmetic.majorant else factor
     weights = weights or factorial_weights(arithmetic, table.max_order, factor, False)
     result = arithmetic.zeros(len(table))
-    base = arithmetic.zeros(0) if base is None else base
-    empty = arithmetic.vector([base_empty])[0]
-    _lie_series(table, arithmetic, False, sparse, field, base, empty, weights, result)
+    _lie_series(table, arithmetic, False, sparse, field, base, base_empty, weights, result)
     return result
 
 
@@ -124,104 +127,35 @@ def _lie_series(
     weights: tuple[Any, Any], result: Any,
 ) -> None:  # fmt: skip
     """Run the kernel over all trees, chunk by chunk."""
-    width = arithmetic.width(table.max_order - 1 + (len(base) > 0))
-    if arithmetic.by_order(table):
-        _lie_series_by_order(table, int(width), solve, field, base, empty, weights, result)
-        return
-    run = arithmetic.run(kernels.lie_series)
-    top = table.offsets[-2]
-    rows, terms = arithmetic.zeros(top * int(width)), arithmetic.zeros(int(width) + 1, wide=True)
-    order = arithmetic.columns(table)[0]
+    has_base, top = base is not None, table.offsets[-2]
+    width = arithmetic.width(table.max_order - 1 + has_base)
+    rows, terms = arithmetic.zeros(top * width), arithmetic.zeros(width + 1)
+    base, order = arithmetic.zeros(0) if base is None else base, arithmetic.columns(table)[0]
+    has_tails = len(weights[1]) > 0
     for splits in table.split_chunks():
-        run(
+        arithmetic.run(kernels.lie_series)(
             splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, sparse, field, base,
-            empty, *weights, arithmetic.modulus, rows, result, terms,
+            has_base, arithmetic.vector([empty]), *weights, has_tails, arithmetic.modulus, rows, result, terms,
         )  # fmt: skip
 
 
-# Recursions on all trees of an order at once, in NumPy: no machine code, and ten times as fast as the interpreter. They
-# do what the kernels do, on int64 modulo 2^64 or float64. Inner functions of the kernels are used as they are, with
-# vectors over the trees in place of numbers.
-
-
-def _weights_by_order(
-    table: TreeTable, stages: int, longest: int, entries: tuple[Any, ...], weight: Any, dtype: str
-) -> None:
-    """Fill in the elementary weights; `entries` are those of `entries`."""
-    import numpy as np
-
-    blocks, start, column, a, b, relation = entries
-    _, _, left, right = table.arrays
-    stage, applied = (np.zeros((stages, len(table)), dtype) for _ in range(2))
-    for k, (first, last) in enumerate(pairwise(table.block)):
-        ids, row = slice(first, last), k % table.colors * stages
-        if k < table.colors:
-            g = np.ones((stages, last - first), dtype)
-            for inside in (range(int(i) + 1, int(j)) for i, j in pairwise(blocks)):
-                g[inside] = 0
-        else:
-            x, y = stage[:, left[ids]], applied[:, right[ids]]
-            g = x * y if len(blocks) == 0 else np.empty_like(x)
-            if len(blocks) > 0:
-                kernels.multiply_blocks.py_func(blocks, x, 0, y, 0, relation, 0, 0.0, [0] * (2 * longest), g)
-        weight[ids] = kernels.weighted_sum.py_func(g, b, row, stages, 0, 0.0)
-        stage[:, ids] = g
-        for i in range(stages):
-            ends = start[row + i], start[row + i + 1]
-            applied[i, ids] = kernels.row_sum.py_func(g[0] * 0, g, column, a, *ends, 0, 0.0)
-
-
-def _lie_series_by_order(
-    table: TreeTable, width: int, solve: bool, field: Any, base: Any, empty: Any, weights: tuple[Any, Any], result: Any
-) -> None:
-    """Fill in the Lie series, or solve for the field; arguments as for the kernel."""
-    import numpy as np
-
-    start, trunk, branch = table.split_arrays
-    shift = int(len(base) > 0)
-    rows = np.zeros((table.offsets[-2], width), field.dtype)
-    for n, (first, last) in enumerate(pairwise(table.offsets), 1):
-        ids = slice(first, last)
-        splits = slice(start[n] + first * (n - 1), start[n] + last * (n - 1))
-        trunks, cut = (x[splits].reshape(last - first, n - 1) for x in (trunk, branch))
-        terms = np.zeros((last - first, width), field.dtype)
-        for k in range(n - 1):
-            terms += rows[trunks[:, k]] * field[cut[:, k], None]
-        sums = terms.T
-        if solve:
-            derivative = kernels.weighted_terms.py_func(result[ids].copy(), sums, 0, *weights, 2, n - 1)
-            field[ids] = derivative
-        else:
-            derivative = sums[0] * shift + empty * field[ids]
-            total = derivative * weights[0][1]
-            if shift:
-                total += base[ids] * weights[0][0]
-            result[ids] = kernels.weighted_terms.py_func(total, sums, shift, *weights, 2, n - 1)
-        if n < table.max_order:
-            if shift:
-                rows[ids, 0] = base[ids]
-            rows[ids, shift] = derivative
-            rows[ids, shift + 1 : shift + n] = terms[:, shift : shift + n - 1]
-
-
 @lru_cache(maxsize=256)
-def _layout(stages: Stages) -> tuple[list[int], list[int], list[int], int]:
-    """The blocks of a method, their indices among those that differ from the start value, and the number of these.
+def _layout(stages: Stages) -> tuple[list[int], list[int], int]:
+    """The blocks of a method: their indices among those that differ from the start value, and the number of these.
 
-    Blocks with a nonzero row get an index. The third list has the numbers of coefficients of a product: those modulo a
+    Blocks with a nonzero row get an index. The second list has the numbers of coefficients of a product: those modulo a
     power of z need no higher ones.
     """
     size = stages.size
-    blocks = stages.blocks or list(range(size + 1))
     live, degrees, moved = [], [], 0
-    for first, last in pairwise(blocks):
+    for first, last in pairwise(stages.ends):
         rows = (row for row in range(len(stages.a) // size) if first <= row % size < last)
         is_moved = any(any(stages.a[row * size : (row + 1) * size]) for row in rows)
         live.append(moved if is_moved else -1)
         moved += (last - first) * is_moved
         is_power = not any(stages.relation[first:last])
         degrees.append(last - first if is_power else 2 * (last - first) - 1)
-    return blocks, [moved if at < 0 else at for at in live], degrees, moved
+    return [moved if at < 0 else at for at in live], degrees, moved
 
 
 def into_stages(
@@ -235,28 +169,26 @@ def into_stages(
 ) -> Any:
     """The series of a method applied to `field`, or the field that gives the series `target`."""
     size, top, solve = len(table), table.offsets[-2], field is None
-    _, row_start, row_column, a, b, relation = entries(stages, arithmetic, None)
-    blocks, live, degrees, moved = _layout(stages)
+    blocks, ends, relation, *rows_of_matrix, weights_of_method = entries(stages, arithmetic, arithmetic.entry_factors)
+    live, degrees, moved = _layout(stages)
     field = arithmetic.zeros(size) if solve else field
     result = target if solve else arithmetic.zeros(size)
     width, longest = arithmetic.width(table.max_order), max(degrees)
     kept = top * moved
-    rows, logs = (arithmetic.zeros(kept * int(width)) for _ in range(2))
+    rows, logs = (arithmetic.zeros(kept * width) for _ in range(2))
     generators = arithmetic.zeros(kept)
-    value, inner = (arithmetic.zeros(stages.size, wide=True) for _ in range(2))
-    terms, log_terms = (arithmetic.zeros(longest * int(width), wide=True) for _ in range(2))
+    value, inner = (arithmetic.zeros(stages.size) for _ in range(2))
+    terms, log_terms = (arithmetic.zeros(longest * width) for _ in range(2))
     weights = factorial_weights(arithmetic, table.max_order, 1, False)
     negated = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
     order, color, _, _ = arithmetic.columns(table)
-    run = arithmetic.run(kernels.substitute_in_stages)
     for splits in table.split_chunks():
-        run(
-            splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top,
-            *map(arithmetic.lengths, (stages.size, blocks, live)), relation, arithmetic.lengths(degrees), row_start,
-            row_column, a, b, arithmetic.lengths(moved), solve,
-            _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, *negated, arithmetic.modulus, rows,
-            logs, generators, field, result,
-            value, inner, terms, log_terms,
+        arithmetic.run(kernels.substitute_in_stages)(
+            splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top, blocks, ends,
+            *map(arithmetic.indices, (live, degrees)), relation, *rows_of_matrix, weights_of_method, moved, solve,
+            _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, len(weights[1]) > 0, *negated,
+            arithmetic.modulus, rows, logs, generators, field, result, value, inner, terms, log_terms,
+            arithmetic.zeros(1),
         )  # fmt: skip
     return field if solve else result
 
@@ -264,27 +196,17 @@ def into_stages(
 def into_series(
     a: Any, table: TreeTable, arithmetic: Exact, *, field: Any = None, target: Any = None, inverses: Sequence[Any] = ()
 ) -> Any:
-    """b ★ a, or the b with b ★ a = `target`; `inverses` are then 1/a(•) for each colour.
-
-    Bounds carry a factor per node, also of the skeleton: each part must carry one factor less.
-    """
+    """b ★ a, or the b with b ★ a = `target`; `inverses` are then 1/a(•) for each colour."""
     size, top, solve = len(table), table.offsets[-2], field is None
     partitions = partitions_of(table)
-    lift = arithmetic.node_factor(field=False) ** -1 if arithmetic.majorant else 1
-    field = arithmetic.zeros(size) if solve else _lifted(field, lift)
-    inverses = [x * lift for x in inverses]
+    field = arithmetic.zeros(size) if solve else field
     result = target if solve else arithmetic.zeros(size)
     rests, parts = (arithmetic.zeros(partitions.kept) for _ in range(2))
     arithmetic.run(kernels.substitute_in_series)(
         0, size, top, table.colors, *arithmetic.columns(table), *arithmetic.ids(partitions[:3]), a, solve,
-        _scale(arithmetic, inverses), arithmetic.modulus, rests, parts, field, result,
+        _scale(arithmetic, inverses), arithmetic.modulus, rests, parts, field, result, arithmetic.zeros(7),
     )  # fmt: skip
-    return _lifted(field, 1 / lift) if solve else result
-
-
-def _lifted(field: Any, factor: Any) -> Any:
-    """The values times a power of two."""
-    return field if factor == 1 else field * float(factor)
+    return field if solve else result
 
 
 def _scale(arithmetic: Exact, inverses: Sequence[Any]) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from bseries.fields.inputs import in_threads
-from integrators.compile.lowering import SOURCES
+from foundation.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.printer import operation_cost, source_lines
 
@@ -26,7 +26,7 @@ from math import *
 from foundation.machine_code import njit
 from numba import types
 
-from integrators.compile.lowering.units import lowered
+from foundation.lowering.units import lowered
 
 compiled_with = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 

@@ -116,7 +116,7 @@ def find_required_tensors(
 ) -> RequiredTensors:
     """Find the tensors that the wanted trees need, from the largest trees down."""
     forests = find_forests(table)
-    _, colors, _, _ = table.lists
+    colors = table.lists.color
     moved = supports(scene, pieces)
     terms = [TermTensors(term, scene, pieces, moved) for term in scene.numeric_terms]
     nonzero: list[list[bool]] = []
@@ -290,7 +290,7 @@ class TableBuilder:
 
     def _add_uses(self, tensors: TermTensors, forest: int, ranges: list[tuple[int, int]]) -> None:
         """Add the trees with these children to the sum, or to the fields of children."""
-        colors = self.table.lists[1]
+        colors = self.table.lists.color
         for tree in self.trees_of[forest]:
             first, last = ranges[colors[tree]]
             if tensors.rank_for(self.required.forests, forest, colors[tree]) is None:

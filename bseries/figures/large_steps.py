@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
+from bseries.fields.term_sizes import TruncationWarning
 from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
 from bseries.figures.helpers import growing, label_panels, logarithmic_indices, reduced_angle, set_angle_axis
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
@@ -61,13 +63,17 @@ def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, step
     starts, count = read_starts(y0, pendulum, [1, 2, 3, 4]), read_count(steps, "steps", 100, 100_000)
     energy = _energy(chosen, pendulum)
     states = np.array([[orbit(size, start, chosen, count) for start in starts] for size in sizes])
-    energies = [[energy(y, size) for y in runs] for runs, size in zip(states, sizes, strict=True)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", TruncationWarning)  # where the series ends is what the figure shows
+        energies = [[energy(y, size) for y in runs] for runs, size in zip(states, sizes, strict=True)]
     chaotic = [is_chaotic(np.array(starts), size, count * size, chosen) for size in sizes]
     low, high = states[:, :, 0].min(), states[:, :, 0].max()
     p = np.linspace(max(min(BOTTOM, 1.05 * low), -FARTHEST), min(max(TOP, 1.03 * high), FARTHEST), GRID)
     q = np.linspace(-np.pi, np.pi, GRID)
     grid = np.array([values.ravel() for values in np.meshgrid(p, q, indexing="ij")])
-    levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", TruncationWarning)
+        levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
     rest = np.array(sizes), states, np.array(energies), np.array(chaotic), p, q, np.array(levels)
     return LargeSteps(chosen, energy.order, np.array(starts), *rest)
 

@@ -98,9 +98,9 @@ def _steps(method: Method, scene: Scene, h: float) -> tuple[np.ndarray, np.ndarr
 def _solution(scene: Scene, h: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """The solution from y(0) = 1 at the times of steps and between them, up to a value of h y.
 
-    Its end is the solution of t' = 1/f(y), y' = 1, which has no pole.
+    Its end is the solution of s' = 1/f(y), y' = 1, which has no pole.
     """
-    time = bs.Scene({"t": 1, "y": 1}, field={"t": 1 / scene.field[0], "y": "1"})
+    time = bs.Scene({"s": 1, "y": 1}, field={"s": 1 / scene.field[0], "y": "1"})
     end = bs.reference_solution(time, reach / h - 1, y0=[0, 1])[0, 0]
     t = np.append(np.arange(end * FINE // h + 1) * (h / FINE), end)
     return t, bs.reference_solution(scene, t, y0=[1])[0]

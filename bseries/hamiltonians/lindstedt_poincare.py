@@ -29,6 +29,7 @@ from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
 from foundation.formulas import formula_text
+from foundation.kernels import float_kernel
 from integrators.core.arguments import items
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function
@@ -37,7 +38,6 @@ from integrators.scenes.model.blocks import Block, check_symbols
 from integrators.scenes.model.formulas import read_formula, read_numbers
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
-from trees.compiled import float_kernel
 
 
 class Elimination:

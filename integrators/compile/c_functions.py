@@ -16,8 +16,8 @@ import numpy as np
 
 from foundation import machine_code
 from foundation.forks import MODULES
+from foundation.lowering import SOURCES
 from foundation.machine_code import MachineCode
-from integrators.compile.lowering import SOURCES
 from integrators.compile.modules import load_module, module_name
 
 _WHOLE, _DOUBLE, _DOUBLES = ctypes.c_int64, ctypes.c_double, ctypes.POINTER(ctypes.c_double)

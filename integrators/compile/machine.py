@@ -23,8 +23,8 @@ try:
 except ImportError as error:  # in a browser
     raise missing_package("numba", "steps on a scene", error) from None
 
+from foundation.lowering.objects import object_code
 from integrators.compile.c_functions import STEPS
-from integrators.compile.lowering.objects import object_code
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite, sums are not reordered."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
+from foundation.syntax_trees import syntax_tree
 from integrators.compile.operation_graph import (
     ONE,
     OperationGraph,
@@ -25,7 +26,6 @@ from integrators.compile.operation_graph import (
     simplest,
 )
 from integrators.core.errors import IntegratorError
-from integrators.core.syntax_trees import syntax_tree
 from integrators.exact.arithmetic import Exact
 from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, literal, within
 

@@ -18,10 +18,10 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import signature
 from numba.np.arrayobj import populate_array
 
+from foundation.lowering.objects import written_code
+from foundation.lowering.units import Unit
 from foundation.machine_code import FUNCTION, MachineCode
 from integrators.compile.black_boxes import numba_reason
-from integrators.compile.lowering.objects import written_code
-from integrators.compile.lowering.units import Unit
 from integrators.core.errors import IntegratorError, shorten
 
 STATE = types.Array(types.float64, 1, "C", readonly=True)

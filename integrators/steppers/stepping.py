@@ -54,7 +54,7 @@ def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, 
             ▼
         StepSource
             │   machine code    compile.modules    module from source
-            │                   compile.lowering   LLVM code of the module; LLVM's code is cached on disk
+            │                foundation.lowering   LLVM code of the module; LLVM's code is cached on disk
             ▼
         int64_t advance(double *state, ...)
     """

@@ -1,5 +1,6 @@
 """Fixtures of the series tests: both executions of the kernels, random exact series, and a browser."""
 
+import math
 import random
 import shutil
 from collections.abc import Iterator
@@ -10,16 +11,13 @@ import pytest
 
 import trees.table
 from bseries import BSeries
-from bseries.exact import rationals
+from foundation.lowering import flat_kernels
 
 
-@pytest.fixture(params=["compiled", "interpreted", "by order"])
+@pytest.fixture(params=["compiled", "interpreted"])
 def execution(request, monkeypatch):
-    """Run everything on compiled kernels, or in the interpreter, by NumPy where that is possible or not."""
-    if request.param == "compiled":
-        import numba  # noqa: F401
-    monkeypatch.setattr(trees.table, "compiling_pays", lambda work: request.param == "compiled")
-    monkeypatch.setattr(rationals, "arrays_pay", lambda seconds: request.param == "by order")
+    """Run everything in machine code, or in the interpreter."""
+    monkeypatch.setattr(flat_kernels, "FEW_PRODUCTS", -1 if request.param == "compiled" else math.inf)
     trees.table._kept_table.cache_clear()
     yield request.param
     trees.table._kept_table.cache_clear()

@@ -35,7 +35,7 @@ def made():
     """A function that compiles x ↦ 2 sin x, and a list that grows with each of its calls."""
     from numba import types
 
-    from integrators.compile.lowering.objects import object_code
+    from foundation.lowering.objects import object_code
 
     calls = []
 

@@ -363,20 +363,3 @@ def test_the_library_runs_where_nothing_is_writable(tmp_path):
     path, value = ended.stdout.split()
     assert Path(path).is_relative_to(tmp_path)
     assert -1.5 < float(value) < 1.5
-
-
-def test_loading_imports_nothing_that_only_compiling_needs(tmp_path):
-    program = (
-        "import sys, numpy as np\nfrom trees import kernels\n"
-        "columns = [np.array(x, np.int64) for x in ([1, 2], [-1, 0], [-1, 0], [0, 0], [0, 0], [0, 0])]\n"
-        "kernels.symmetry_and_density.compiled(*columns)\n"
-        "print(columns[4].tolist(), 'numba.np.linalg' in sys.modules)\n"
-    )
-    variables = {**os.environ, "BSERIES_CACHE": str(tmp_path), "PYTHONPATH": str(ROOT)}
-    found = [
-        subprocess.run(
-            [sys.executable, "-c", program], env=variables, capture_output=True, text=True, check=True
-        ).stdout
-        for _ in range(2)
-    ]
-    assert found == ["[1, 2] True\n", "[1, 2] False\n"]

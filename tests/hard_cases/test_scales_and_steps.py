@@ -215,6 +215,7 @@ def test_series_at_steps_without_influence(field, energy):
     assert bs.fields.reach(field, POINT, 1e-300).optimal_order == 5
 
 
+@pytest.mark.filterwarnings("ignore::bseries.fields.term_sizes.TruncationWarning")
 def test_series_that_overflow_say_so(field, energy, measured):
     for evaluate in (field, energy, energy.gradient):
         with pytest.warns(

@@ -27,7 +27,7 @@ TABLES = [
 @pytest.fixture(params=["compiled", "interpreted"])
 def make(request, monkeypatch):
     """TreeTable, with kernels compiled or run by the interpreter."""
-    monkeypatch.setattr(trees.table, "compiling_pays", lambda work: request.param == "compiled")
+    monkeypatch.setattr(trees.table, "machine_code_pays", lambda products: request.param == "compiled")
     return TreeTable
 
 
@@ -161,7 +161,9 @@ def test_estimates_of_memory_are_what_tables_take():
     table = TreeTable(7, 2)
     _, order, color, left, right, _, base = table.columns
     splits = sum(int(n) - 1 for n in order if n < 7) * (table.splits.trunk.itemsize + table.splits.branch.itemsize)
-    assert memory_estimate(table.sizes, 2) == sum(x.nbytes for x in (order, color, left, right, base)) + splits
+    columns = sum(x.nbytes for x in (order, color, left, right, base))
+    assert memory_estimate(table.sizes, 2) == columns
+    assert memory_estimate(table.sizes, 2, splits=True) == columns + splits
 
 
 def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
@@ -188,7 +190,7 @@ def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
         ((4, 1, [[-1]]), "max_children must hold whole numbers, 0 or more, or None, but had -1"),
         ((4, 1, 0.5), "max_children must hold whole numbers"),
         ((30,), "order must be smaller: a table of trees with 30 nodes in 1 colours would"),
-        ((24,), "order must be smaller: .* would take [0-9.]+ GB of memory, but [0-9.]+ GB are available|2\\^31"),
+        ((25,), "order must be smaller: .* would take [0-9.]+ GB of memory, but [0-9.]+ GB are available|2\\^31"),
     ],
 )
 def test_refusals_name_the_argument(arguments, message):

@@ -177,7 +177,7 @@ def _arrangements(content: Sequence[int]) -> Iterator[Word]:
 
 def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
     """For each tree its root and branch (−1 for several branches), and its leaves with the remaining trees."""
-    order = table.lists[0]
+    order = table.lists.order
     start, trunks, branches = (list(map(int, column)) for column in table.splits[2:])
     found = []
     for tree, n in enumerate(order):

@@ -19,7 +19,7 @@ from itertools import accumulate
 from typing import Any
 
 from bseries.exact.rationals import primes_up_to
-from trees.compiled import kernel
+from foundation.kernels import kernel
 from trees.lyndon_words import count_lyndon_words
 
 MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further letter takes five times as long

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, NamedTuple, NoReturn
 
+from foundation.syntax_trees import syntax_tree
 from integrators.core.errors import IntegratorError, shorten
-from integrators.core.syntax_trees import syntax_tree
 
 MOST_CHARACTERS = 1_000_000
 MOST_BRACKETS = 20

@@ -112,7 +112,7 @@ def test_errors_of_floats_beyond_doubles_are_refused():
 
 
 def test_decimals_and_inconsistent_methods(run, answer):
-    assert "decimals with 16 digits" in answer("check", "tsit5")
+    assert "decimals with 16 correct digits" in answer("check", "tsit5")
     result = run("check", "--A", "0", "--b", "1/2")
     assert result.exit_code == 0
     assert "inconsistent" in result.stdout

@@ -14,7 +14,7 @@ import pytest
 
 BSERIES = [sys.executable, "-c", "from bseries_command import main; main()"]
 RUN = ["simulate", "pendulum", "--method", "rk4", "--step", "1/10", "--steps", "3"]
-LONG = ["simulate", "pendulum", "--method", "rk4", "--step", "0.001", "--steps", "3000000"]
+LONG = ["simulate", "pendulum", "--method", "rk4", "--step", "0.001", "--steps", "100000000"]
 PROCESSES = ["--no-predict", "--ensemble", "400", "--spread", "0.1", "--workers", "2", "--processes"]
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and shells of POSIX")
 

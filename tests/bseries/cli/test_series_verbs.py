@@ -154,7 +154,7 @@ def test_floats_say_so(answer):
 
 def test_decimals_say_so(answer):
     text = answer("modified", "tsit5", "--order", "3")
-    assert "decimals with 16 digits" in text
+    assert "decimals with 16 correct digits" in text
     assert "rounded accordingly" in text
     assert "Exact" not in text
     assert json.loads(answer("modified", "tsit5", "--order", "3", "--format", "json"))["digits"] == 16

@@ -3,38 +3,29 @@
 import math
 from fractions import Fraction
 
-import numba  # noqa: F401
 import pytest
 
 import bseries as bs
 import trees.table
-from bseries.exact import kernels, recursions
-from bseries.exact.arithmetic import Exact, majorants, prime_field
+from bseries.exact import powers, recursions
+from bseries.exact.arithmetic import Exact, prime_field
 from bseries.exact.recursions import Stages
 
 with pytest.MonkeyPatch.context() as patch:
-    patch.setattr(trees.table, "compiling_pays", lambda work: True)
+    patch.setattr(trees.table, "machine_code_pays", lambda products: True)
     TABLE = trees.TreeTable(5)
 
 PRIME = 1073741789  # the largest below 2^30, the first that is used
 
 
-def alike_in_all_arithmetics(run, exact):
-    """Residues agree with exact numbers, and bounds are bounds."""
-    residues, bounds = run(prime_field(PRIME)), run(majorants(4, TABLE.max_order))
-    nodes = TABLE.order.tolist()
-    for x, residue, bound, n in zip(exact, residues, bounds, nodes, strict=True):
+def residues_agree(run):
+    """Residues agree with exact numbers."""
+    exact, residues = run(Exact()), run(prime_field(PRIME))
+    for x, residue in zip(exact, residues, strict=True):
         assert (Fraction(x).numerator - int(residue) * Fraction(x).denominator) % PRIME == 0
-        assert abs(x) <= Fraction(float(bound)) * 16**n
 
 
 HALVES = [Fraction(1)] + [Fraction(1, 2)] * (len(TABLE) - 1)
-
-
-def numbers(arithmetic):
-    """The field 1, 1/2, 1/2, …, scaled as bounds want it."""
-    scale = arithmetic.node_factor(field=True) if arithmetic.majorant else 1
-    return [x * scale**tree.order for x, tree in zip(HALVES, TABLE, strict=True)]
 
 
 @pytest.mark.parametrize("stages", [2, 17, 40])
@@ -44,17 +35,14 @@ def test_long_sums_over_stages_are_reduced(stages):
     a = [half if j == 0 else Fraction(0) for _ in range(size) for j in range(size)]
     method = Stages(size, a, [half] * size)
 
-    def run(arithmetic):
-        field = arithmetic.vector(numbers(arithmetic))
-        return recursions.into_stages(method, TABLE, arithmetic, field=field)
-
-    alike_in_all_arithmetics(run, run(Exact()))
+    residues_agree(lambda x: recursions.into_stages(method, TABLE, x, field=x.vector(HALVES)))
+    residues_agree(lambda x: powers.sum_of_powers(TABLE, method, 1, powers.logarithm(5), x))
 
 
 def test_long_sums_over_partitions_are_reduced():
     """With b = 1 and a = 2, 1/2, 1/2, …, all terms are 1/2; 128 of them times 1/a(•) would overflow."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trees.table, "compiling_pays", lambda work: True)
+        patch.setattr(trees.table, "machine_code_pays", lambda products: True)
         table = trees.TreeTable(8)
     a, ones = [2] + [Fraction(1, 2)] * (len(table) - 1), [1] * len(table)
     target = recursions.into_series(a, table, Exact(), field=ones)
@@ -73,22 +61,8 @@ def test_long_blocks_are_reduced(length):
     a = [half * (i > 0) if j == 0 else Fraction(0) for i in range(length) for j in range(length)]
     b = [half] * length
     method = Stages(length, a, b, [0] * length, [length])
-    alike_in_all_arithmetics(lambda x: recursions.elementary_weights(method, TABLE, x), exact_weights(method))
-
-    def run(arithmetic):
-        field = arithmetic.vector(numbers(arithmetic))
-        return recursions.into_stages(method, TABLE, arithmetic, field=field)
-
-    alike_in_all_arithmetics(run, run(Exact()))
-
-
-def exact_weights(method):
-    return recursions.elementary_weights(method, TABLE, Exact())
-
-
-def test_balanced_residues_are_those_of_least_absolute_value():
-    least = list(range(-5, 6))
-    assert [kernels.balanced.py_func(x, 11, 1 / 11) for x in range(-27, 28)] == least * 5
+    residues_agree(lambda x: powers.sum_of_powers(TABLE, method, 1, powers.logarithm(5), x))
+    residues_agree(lambda x: recursions.into_stages(method, TABLE, x, field=x.vector(HALVES)))
 
 
 def test_numbers_that_are_divided_by_may_be_primes_in_use(execution):

@@ -21,6 +21,7 @@ def field(name="pendulum", method="rk4", order=6, **options):
 
 
 @pytest.mark.few(6)
+@pytest.mark.filterwarnings("ignore::bseries.fields.term_sizes.TruncationWarning")  # of van-der-pol
 @pytest.mark.parametrize(
     ("make", "name"),
     [

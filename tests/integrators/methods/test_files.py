@@ -95,7 +95,7 @@ def methods(draw, entries, **keywords):
     A, b, c, embedded = (
         draw(x) for x in (st.lists(row, min_size=s, max_size=s), row, st.none() | row, st.lists(row, max_size=2))
     )
-    name = draw(st.none() | st.text(st.characters(exclude_categories=["Cs"]), max_size=5))
+    name = draw(st.none() | st.text(st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"]), max_size=5))
     digits = draw(st.none() | st.integers(1, 40)) if "parameters" not in keywords else None
     try:
         return RungeKutta(A, b, c, embedded=embedded, name=name, digits=digits, warn=False, **keywords)

@@ -111,7 +111,7 @@ BAD = {
     "start of z": (
         "x' = y; y' = x",
         {"start": "x=1; y=2; z=3"},
-        "start must have values for y, x, y, but has some for 'z'",
+        "start must have values for y, x, but has some for 'z'",
     ),
     "short start": ("x' = y; z' = x; y' = 1", {"start": "y=1,2"}, "has none for x|as many values"),
     "blocks": ("x' = y; y' = x", {"blocks": "p=x"}, "blocks must hold every variable, but y was in none"),

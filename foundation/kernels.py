@@ -6,16 +6,13 @@ hundred trees in a millisecond. So kernels are compiled on demand.
 
 from __future__ import annotations
 
-import sys
 import types
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import cached_property, update_wrapper
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
-from foundation.machine_code import has_machine_code, has_numba
+from foundation.machine_code import has_numba
 
 
 class Kernel:
@@ -92,41 +89,3 @@ kernel = Kernel
 def float_kernel(function: Callable[..., Any], *, sources: Iterable[types.ModuleType | Path] = ()) -> Kernel:
     """Mark a function as a floating-point kernel: products and sums may be fused, 1/0 is infinite as in C."""
     return Kernel(function, sources=sources, error_model="numpy", fastmath={"contract"})
-
-
-LOADING, COMPILING = 0.4, 2.0
-"""Seconds in the interpreter after which compiled kernels take over: with machine code on disk, which takes as long to
-load, and without. Compiling then takes about 5 s, but serves all later processes."""
-ARRAYS = 0.06
-"""Seconds that NumPy's import takes."""
-SMALL = 1e-3
-"""Seconds below which the interpreter takes no longer than calls of NumPy."""
-_interpreted = 0.0  # seconds that the interpreter has spent in kernels
-
-
-@contextmanager
-def interpreting() -> Iterator[None]:
-    """Count the time that the interpreter spends in kernels, for `compiling_pays`."""
-    global _interpreted
-    start = perf_counter()
-    try:
-        yield
-    finally:
-        _interpreted += perf_counter() - start
-
-
-def arrays_pay(seconds: float) -> bool:
-    """Whether NumPy should do the next work, for which the interpreter would need this time."""
-    return seconds > SMALL and ("numpy" in sys.modules or _interpreted + seconds > ARRAYS)
-
-
-def compiling_pays(seconds: float) -> bool:
-    """Whether compiled kernels should do the next work, for which the interpreter would need this time.
-
-    They should once the interpreter's time in this process would exceed that of loading them: the process then takes at
-    most about twice as long as with the better choice. The first process, which compiles them, may take longer.
-    """
-    if "numba" in sys.modules or not has_numba():
-        return has_numba()
-    total = _interpreted + seconds
-    return total > LOADING and (total > COMPILING or has_machine_code(sys.modules["trees.kernels"]))

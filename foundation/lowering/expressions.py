@@ -18,14 +18,14 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
 
-from integrators.core.syntax_trees import compiled_tree, syntax_tree
+from foundation.syntax_trees import compiled_tree, syntax_tree
 
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow, ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.LShift: operator.lshift,
-    ast.BitOr: operator.or_, ast.BitAnd: operator.and_, ast.USub: operator.neg, ast.Not: operator.not_,
-    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
+    ast.RShift: operator.rshift, ast.BitOr: operator.or_, ast.BitAnd: operator.and_, ast.USub: operator.neg,
+    ast.Not: operator.not_, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
+    ast.Eq: operator.eq, ast.NotEq: operator.ne,
 }  # fmt: skip
 EXTREMES = {max: operator.gt, min: operator.lt}
 WHOLE, UNSIGNED = types.int64, types.uint64

@@ -16,8 +16,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from integrators.compile.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
-from integrators.compile.lowering.vectors import VectorLoop
+from foundation.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
+from foundation.lowering.vectors import VectorLoop
 
 MOST_COPIED = 20_000
 """Most instructions in all inlined copies of a function, before LLVM unrolls its loops."""
@@ -164,8 +164,11 @@ class Statements(Expressions):
         array = self.visit(target.value)
         if not isinstance(array.type, types.CPointer):
             self._call(operator.setitem, array, self.visit(target.slice), value)
-        else:
-            self.builder.store(self._kept(value, array.type.dtype), self._place(array, target.slice))
+            return
+        kind = array.type.dtype
+        are_whole = kind in types.integer_domain and value.type in types.integer_domain  # arrays may be narrower
+        number = self._cast(value, kind) if are_whole else self._kept(value, kind)
+        self.builder.store(number, self._place(array, target.slice))
 
 
 class Unit:
@@ -190,13 +193,15 @@ class Unit:
     def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
         """The LLVM function of a Python function, and the type of its result.
 
-        The result is by default a double, or none if the function returns nothing; its source must be available.
+        The result is by default a double, an integer if the function says so, or none if it returns nothing; its source
+        must be available.
         """
         key = function, arguments, result
         if key not in self._functions:
             tree = tree_of(function)
             gives = any(isinstance(node, ast.Return) for node in ast.walk(tree))
-            result = result or (types.float64 if gives else types.none)
+            number = types.int64 if function.__annotations__.get("return") in (int, "int") else types.float64
+            result = result or (number if gives else types.none)
             convention = self.context.call_conv
             kind = convention.get_function_type(result, arguments)
             made = ir.Function(self.module, kind, self.module.get_unique_name(function.__name__))

@@ -4,10 +4,10 @@ Numba's type inference takes half a millisecond for each operation, of which ste
 have few types, all known in advance, so that their syntax tree suffices. Operators, functions of the C library,
 compiled functions and intrinsics are numba's, each looked up once for the types of its arguments.
 
-Generated functions may contain numbers, truth values, pointers to doubles, arrays and tuples; loops over ranges,
-``while``, ``if`` and conditional expressions; and calls of one another. Called functions return a double or nothing;
-the outermost one returns the type in its signature. Arrays with different names must not overlap, so that loops over
-their entries can be vectorised.
+Functions may contain numbers, truth values, pointers to numbers, arrays and tuples; loops over ranges, ``while``,
+``if`` and conditional expressions; and calls of one another. Called functions return a double, an integer if they are
+annotated so, or nothing; the outermost one returns the type in its signature. Arrays with different names must not
+overlap, so that loops over their entries can be vectorised.
 """
 
 from pathlib import Path

@@ -18,8 +18,8 @@ from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 
+from foundation.lowering.units import Unit
 from foundation.machine_code import FUNCTION, ObjectCode, c_address
-from integrators.compile.lowering.units import Unit
 
 
 class _Codegen(JITCPUCodegen):

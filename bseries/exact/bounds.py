@@ -1,0 +1,127 @@
+"""Bounds on the coefficients of a series by number of nodes alone, for proofs that an integer is known from residues.
+
+A bound is a list of integers, entry n a bound on 2^FINE · |value| at all trees with n nodes (entry 0 is that of the
+empty tree, or unused). All are sums and products of bounds, rounded up, and cost a few hundred operations, whatever the
+number of trees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+
+FINE = 32
+ONE = 1 << FINE
+
+Bound = tuple[int, ...]
+
+
+def scaled(value: Fraction | int) -> int:
+    """A nonnegative number times 2^FINE, rounded up."""
+    return -(-(value.numerator << FINE) // value.denominator)
+
+
+def numerator_bits(bound: Bound, denominators: Sequence[int]) -> list[int]:
+    """Numbers of bits of the numerators with 1, 2, … nodes, over these denominators."""
+    return [((x * d >> FINE) + 1).bit_length() for x, d in zip(bound[1:], denominators[1:], strict=True)]
+
+
+@lru_cache(maxsize=256)
+def geometric(order: int, first: Fraction, factor: Fraction) -> Bound:
+    """first · factor^(n−1), such as Σ|b_i| and the largest Σ_j |a_ij| give for the series of a method."""
+    return (ONE, *(scaled(first * factor ** (n - 1)) for n in range(1, order + 1)))
+
+
+@lru_cache(maxsize=256)
+def sum_of_powers(weights: Sequence[Sequence[Fraction]], first: Fraction, factor: Fraction) -> Bound:
+    """Σ_k weights[n][k−1] a^k for a method with these sums of |b_i| and |a_ij|: those of k steps are larger."""
+    found = [ONE]
+    for n, row in enumerate(weights[1:], 1):
+        sizes = (abs(w) * k * first * ((k - 1) * first + factor) ** (n - 1) for k, w in enumerate(row, 1))
+        found.append(scaled(sum(sizes, Fraction(0))))
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def logarithm(flow: Bound, known: Bound = (ONE,)) -> Bound:
+    """b = log a, which is a − Σ_{j≥2} ∂_b^{j−1} b / j!; `known` bounds |b| at the smallest trees more sharply.
+
+    The bound is large without what is known, and close to the largest value with it.
+    """
+    field, derivatives = list(known), [[0]]
+    for n in range(1, len(flow)):
+        total = flow[n] + _longer(derivatives, field, n)
+        if n == len(field):
+            field.append(total)
+        derivatives[0].append(field[n])
+    return tuple(field)
+
+
+@lru_cache(maxsize=256)
+def exponential(field: Bound) -> Bound:
+    """exp b = Σ_j ∂_b^{j−1} b / j!."""
+    derivatives, found = [[0]], [ONE]
+    for n in range(1, len(field)):
+        found.append(field[n] + _longer(derivatives, field, n))
+        derivatives[0].append(field[n])
+    return tuple(found)
+
+
+def _longer(derivatives: list[list[int]], field: Sequence[int], n: int) -> int:
+    """Σ_{j≥2} ∂_b^{j−1} b / j! at n nodes, whose terms are added to the derivatives for j = 1, 2, …"""
+    total = 0
+    for j in range(2, n + 1):
+        if len(derivatives) < j:
+            derivatives.append([0] * n)
+        derivatives[j - 1].append(derivative(field, derivatives[j - 2], n))
+        total += derivatives[j - 1][n] // math.factorial(j) + 1
+    return total
+
+
+def derivative(b: Sequence[int], c: Sequence[int], n: int) -> int:
+    """Σ c(trunk) b(branch) over the n−1 branches of a tree with n nodes, of which at most (n−1)/k have k nodes."""
+    total, left = 0, n - 1
+    for product, k in sorted(((c[n - k] * b[k], k) for k in range(1, n)), reverse=True):
+        taken = min(left, (n - 1) // k)
+        total, left = total + taken * product, left - taken
+    return (total >> FINE) + 1
+
+
+@lru_cache(maxsize=256)
+def composition(a: Bound, c: Bound) -> Bound:
+    """First a, then c: at most 2^n ordered subtrees, each with a product of c at the subtree and a at the branches."""
+    products = [ONE]  # the largest of products of a, by number of nodes
+    for n in range(1, len(a)):
+        products.append(max((a[k] * products[n - k] >> FINE) + 1 for k in range(1, n + 1)))
+    return tuple(max(c[m] * products[n - m] >> FINE for m in range(n + 1)) + 1 << n for n in range(len(a)))
+
+
+def substitution(skeletons: Bound, parts: Sequence[int], n: int, fewest: int = 1) -> int:
+    """Σ a(skeleton) Π b(parts) over the binom(n−1, m−1) partitions of a tree with n nodes into m ≥ `fewest` parts."""
+    total, largest = 0, [ONE] + [0] * n  # the largest products of m parts with 0, 1, … nodes in all
+    for m in range(1, n + 1):
+        largest = [
+            max((((parts[k] * largest[i - k] >> FINE) + 1) for k in range(1, i + 1) if k < len(parts)), default=0)
+            for i in range(n + 1)
+        ]
+        if m >= fewest:
+            total += math.comb(n - 1, m - 1) * ((skeletons[m] * largest[n] >> FINE) + 1)
+    return total
+
+
+@lru_cache(maxsize=256)
+def substituted(skeletons: Bound, parts: Bound) -> Bound:
+    """b ★ a."""
+    return (ONE, *(substitution(skeletons, parts, n) for n in range(1, len(parts))))
+
+
+@lru_cache(maxsize=256)
+def solved(skeletons: Bound, target: Bound, inverse: Fraction, known: Bound = (ONE,)) -> Bound:
+    """The b with b ★ a = c, where |1/a(•)| ≤ inverse: a(•) b(τ) = c(τ) − Σ over partitions with two or more parts."""
+    found = list(known)
+    factor = scaled(inverse)
+    for n in range(len(found), len(target)):
+        found.append((factor * (target[n] + substitution(skeletons, found, n, 2)) >> FINE) + 1)
+    return tuple(found)

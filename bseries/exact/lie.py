@@ -1,0 +1,99 @@
+"""Logarithms, exponentials, powers and compositions of series by Lie derivatives, in any domain.
+
+(∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), summed over the edges of τ, each cut into trunk and branch. Then
+exp b = Σ ∂_b^j id / j!, log is solved from it order by order, compose(a, c) = Σ ∂_{log a}^j c / j!, since the flow of
+log a is a, and a^s = exp(s log a) (HLW, lemma IX.9.1). The cost is n² for a tree with n nodes; sums over subtrees are
+exponential.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+from bseries.exact import bounds, recursions
+from bseries.exact.bounds import Bound
+from bseries.exact.domains import RationalValues, Values, alike, apply
+from bseries.exact.rationals import Operation, log_denominator, primes_up_to, wider_step
+
+
+def _bounds(*operands: Values) -> list[Bound]:
+    """The bounds of rational values; other domains need none."""
+    return [x.bound if isinstance(x, RationalValues) else () for x in operands]
+
+
+def logarithm(a: Values) -> Values:
+    """The field whose exact flow is a."""
+    (flow,) = _bounds(a)
+    operation = Operation(
+        lambda arithmetic, target: recursions.logarithm(target(field=True), a.table, arithmetic),
+        lambda known: bounds.logarithm(flow, known),
+        log_denominator,
+        wider_step,
+        field=True,
+    )
+    return apply(a.table, [a], operation)
+
+
+def exponential(b: Values) -> Values:
+    """The exact flow of a field."""
+    (field,) = _bounds(b)
+    operation = Operation(
+        lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, b.table, arithmetic),
+        lambda known: bounds.exponential(field),
+        lambda n, step: math.factorial(n) * step**n,
+        wider_step,
+    )
+    return apply(b.table, [b], operation)
+
+
+def power(a: Values, s: Fraction) -> Values:
+    """a^s = exp(s log a)."""
+    # The denominator of binom(p/q, k) divides q^k times r^(k−1) for every prime r that divides q (from k!).
+    q = s.denominator
+    factor = q * math.prod(r for r in primes_up_to(a.table.max_order) if q % r == 0)
+    (flow,) = _bounds(a)
+
+    def expression(arithmetic: Any, first: Any) -> Any:
+        field = recursions.logarithm(first(field=True), a.table, arithmetic)
+        return recursions.lie_series(field, None, 1, a.table, arithmetic, s)
+
+    def bound(known: Bound) -> Bound:
+        field = bounds.logarithm(flow)
+        return bounds.exponential((field[0], *(bounds.scaled(abs(s) * Fraction(x, bounds.ONE)) for x in field[1:])))
+
+    operation = Operation(
+        expression, bound, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, units=q, passes=2
+    )
+    return apply(a.table, [a], operation)
+
+
+def composition(a: Values, c: Values, empty: int) -> Values:
+    """First the flow a, then c with c(∅) = `empty`."""
+    a, c = alike([a, c])
+    flow, other = _bounds(a, c)
+
+    def expression(arithmetic: Any, first: Any, second: Any) -> Any:
+        field = recursions.logarithm(first(field=True), a.table, arithmetic)
+        return recursions.lie_series(field, second(field=False), empty, a.table, arithmetic)
+
+    operation = Operation(
+        expression, lambda known: bounds.composition(flow, (empty * bounds.ONE, *other[1:])), passes=2
+    )
+    return apply(a.table, [a, c], operation)
+
+
+def derivative(b: Values, c: Values, empty: int) -> Values:
+    """∂_b c for a series c with c(∅) = `empty`."""
+    b, c = alike([b, c])
+    field, base = _bounds(b, c)
+
+    def expression(arithmetic: Any, field: Any, base: Any) -> Any:
+        once = arithmetic.factors([0, 1] + [0] * b.table.max_order)
+        return recursions.lie_series(field(field=True), base(field=False), empty, b.table, arithmetic, weights=once)
+
+    def bound(known: Bound) -> Bound:
+        return (0, *(empty * field[n] + bounds.derivative(field, base, n) for n in range(1, len(field))))
+
+    return apply(b.table, [b, c], Operation(expression, bound, field=True))

@@ -1,0 +1,91 @@
+"""Kernels of numbers and flat arrays, whose machine code on disk is loaded without numba."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cached_property, partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from foundation import machine_code
+from foundation.kernels import Kernel
+from foundation.lowering import SOURCES
+from foundation.machine_code import has_numba
+
+
+class FlatKernel(Kernel):
+    """A kernel of numbers and flat arrays.
+
+    It is compiled by `foundation.lowering`, and its machine code on disk is loaded without numba. Callees are of the
+    same kind; they may return integers, if they are annotated so. Arrays with different names must not overlap.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        super().__init__(function)
+        self._loaded: dict[tuple[Any, ...], Callable[..., Any]] = {}
+
+    @cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The kernel for contiguous arrays, integers of 64 bits and doubles. Without numba, `py_func`."""
+        return self._run if has_numba() else self.py_func
+
+    def _run(self, *arguments: Any) -> Any:
+        kinds = tuple([x.dtype.char if hasattr(x, "dtype") and x.ndim else type(x) for x in arguments])
+        call = self._loaded.get(kinds)
+        if call is None:
+            call = self._loaded[kinds] = self._load(kinds)
+        return call(
+            *[
+                x.__array_interface__["data"][0] if isinstance(kind, str) else x
+                for x, kind in zip(arguments, kinds, strict=True)
+            ]
+        )
+
+    def _load(self, kinds: tuple[Any, ...]) -> Callable[..., Any]:
+        """The C function for arguments of these kinds: the characters of the types of arrays, and types of numbers."""
+        code = self._function.__code__
+        text = sha256(Path(code.co_filename).read_bytes())
+        for source in SOURCES:
+            text.update(source.read_bytes())
+        key = f"{self._function.__module__}.{self._function.__qualname__} {kinds} {text.hexdigest()}"
+        made = machine_code.c_function(key, partial(_object_code, self.py_func, kinds))
+        types = [
+            ctypes.c_void_p if isinstance(kind, str) else ctypes.c_double if kind is float else ctypes.c_int64
+            for kind in kinds
+        ]
+        return made.function(ctypes.CFUNCTYPE(ctypes.c_int64 if _gives_integer(self.py_func) else None, *types))
+
+
+def _gives_integer(function: Any) -> bool:
+    return function.__annotations__.get("return") in (int, "int")
+
+
+def _object_code(function: Any, kinds: tuple[Any, ...]) -> Any:
+    """Machine code for arguments of these kinds, by the passes of LLVM."""
+    import numpy as np
+    from numba import from_dtype, types
+
+    from foundation.lowering.objects import object_code
+
+    given = [
+        types.CPointer(from_dtype(np.dtype(kind))) if isinstance(kind, str)
+        else types.float64 if kind is float
+        else types.int64
+        for kind in kinds
+    ]  # fmt: skip
+    result = types.int64 if _gives_integer(function) else types.void
+    return object_code(function, result(*given), nogil=True, error_model="numpy")
+
+
+flat_kernel = FlatKernel
+"""Marks a function as a flat kernel."""
+
+FEW_PRODUCTS = 900
+"""Products of numbers that take the interpreter most of a millisecond."""
+
+
+def machine_code_pays(products: int) -> bool:
+    """Whether machine code should do work of this size: the choice depends on the work alone."""
+    return products > FEW_PRODUCTS and has_numba()
