@@ -188,7 +188,8 @@ def test_settings_of_other_packages_give_no_tracebacks(tmp_path):
         b"", b"bseries: error: NUMBA_NUM_THREADS must be a number of threads, 1 or more, but was '0'\n",
     )  # fmt: skip
     job = process(*RUN, "--plot", plot, env={**os.environ, "MPLBACKEND": "junk"})
-    assert (job.communicate()[1], job.returncode) == (b"", 0)
+    err = [line for line in job.communicate()[1].splitlines() if b"deprecated" not in line]
+    assert (err, job.returncode) == ([], 0)  # old versions of matplotlib use what their neighbours deprecate
     assert os.path.getsize(plot)
 
 
