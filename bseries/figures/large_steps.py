@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
-from bseries.fields.term_sizes import TruncationWarning
 from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
 from bseries.figures.helpers import growing, label_panels, logarithmic_indices, reduced_angle, set_angle_axis
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
@@ -64,7 +63,7 @@ def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, step
     energy = _energy(chosen, pendulum)
     states = np.array([[orbit(size, start, chosen, count) for start in starts] for size in sizes])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", TruncationWarning)  # where the series ends is what the figure shows
+        warnings.simplefilter("ignore", bs.fields.TruncationWarning)  # where the series ends is what the figure shows
         energies = [[energy(y, size) for y in runs] for runs, size in zip(states, sizes, strict=True)]
     chaotic = [is_chaotic(np.array(starts), size, count * size, chosen) for size in sizes]
     low, high = states[:, :, 0].min(), states[:, :, 0].max()
@@ -72,7 +71,7 @@ def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, step
     q = np.linspace(-np.pi, np.pi, GRID)
     grid = np.array([values.ravel() for values in np.meshgrid(p, q, indexing="ij")])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", TruncationWarning)
+        warnings.simplefilter("ignore", bs.fields.TruncationWarning)
         levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
     rest = np.array(sizes), states, np.array(energies), np.array(chaotic), p, q, np.array(levels)
     return LargeSteps(chosen, energy.order, np.array(starts), *rest)

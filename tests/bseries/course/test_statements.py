@@ -131,4 +131,4 @@ def test_24_is_about_the_generating_function_of_the_flow():
     """S_j are the terms of a method's function; those of a flow are others, and the requirement compares both."""
     text = computed("exact-generating-function")
     assert text.count(r"\widetilde S_") == 3
-    assert not re.search(r"(?<!widetilde )S_\d|(?<!widetilde )H", text)
+    assert not re.search(r"(?<!widetilde )S_\d|(?<!widetilde{)H", text)
