@@ -115,27 +115,6 @@ def is_compiling() -> bool:
     return bool(_compiling)
 
 
-def has_machine_code(module: ModuleType) -> bool:
-    """Whether the cache has code for functions of a module as it is now; numba is not loaded to find out."""
-    mark = _mark(Path(module.__file__ or ""))
-    return mark is not None and mark.exists()
-
-
-def _mark(source: Path) -> Path | None:
-    """The empty file beside the code of a module's functions; None without a home or a source."""
-    directory, text_hash = cache_directory(), _text_hash(source)
-    return None if directory is None or text_hash is None else directory / f"{text_hash}.module"
-
-
-@cache
-def _text_hash(source: Path) -> str | None:
-    """A hash of the text of a module and of the versions of this package and of Python; None without such a file."""
-    if not source.is_file():
-        return None
-    versions = repr((package_version(), sys.implementation.cache_tag)).encode()
-    return sha256(versions + source.read_bytes()).hexdigest()
-
-
 @cache
 def package_version(package: str = PACKAGE) -> str:
     """The version of a package, by default of this one; empty if it is not installed."""
@@ -190,7 +169,7 @@ class _Cache:
         _compiling.discard(self)
         path = self._path(signature, result.codegen)
         if path is not None and not result.library.has_dynamic_globals:
-            _keep(path, dumps((signature, result._reduce())), _mark(Path(self._function.__code__.co_filename)))
+            _keep(path, dumps((signature, result._reduce())))
 
     def _path(self, signature: Any, codegen: Any) -> Path | None:
         """The file; None without a home, or if the source text is not available."""
@@ -330,14 +309,12 @@ def _checksum(path: Path, content: bytes) -> bytes:
     return sha256(path.name.encode() + content).digest()
 
 
-def _keep(path: Path, content: bytes, mark: Path | None = None) -> None:
-    """Write a file, and an empty one to mark it, where nobody else can write; warns if the disk does not permit it."""
+def _keep(path: Path, content: bytes) -> None:
+    """Write a file where nobody else can write; warns if the disk does not permit it."""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_private(path.parent):
             _write(path, _checksum(path, content) + content)
-            if mark is not None and not mark.exists():
-                _write(mark, b"")
     except OSError as error:
         if error.errno not in UNWRITABLE:
             _warn(f"the cache {path.parent} cannot be written ({error.strerror})")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -45,17 +45,26 @@ class FlatKernel(Kernel):
 
     def _load(self, kinds: tuple[Any, ...]) -> Callable[..., Any]:
         """The C function for arguments of these kinds: the characters of the types of arrays, and types of numbers."""
-        code = self._function.__code__
-        text = sha256(Path(code.co_filename).read_bytes())
-        for source in SOURCES:
-            text.update(source.read_bytes())
-        key = f"{self._function.__module__}.{self._function.__qualname__} {kinds} {text.hexdigest()}"
+        digests = [_digest(source) for source in sorted(self.files() | {*SOURCES})]
+        key = f"{self._function.__module__}.{self._function.__qualname__} {kinds} {' '.join(digests)}"
         made = machine_code.c_function(key, partial(_object_code, self.py_func, kinds))
         types = [
             ctypes.c_void_p if isinstance(kind, str) else ctypes.c_double if kind is float else ctypes.c_int64
             for kind in kinds
         ]
         return made.function(ctypes.CFUNCTYPE(ctypes.c_int64 if _gives_integer(self.py_func) else None, *types))
+
+    def files(self) -> set[Path]:
+        """The files of the kernel and of all that it calls, on which its machine code depends."""
+        code, names = self._function.__code__, self._function.__globals__
+        callees = (names.get(name) for name in code.co_names)
+        others = (callee.files() for callee in callees if isinstance(callee, FlatKernel))
+        return {Path(code.co_filename)}.union(*others)
+
+
+@cache
+def _digest(source: Path) -> str:
+    return sha256(source.read_bytes()).hexdigest()
 
 
 def _gives_integer(function: Any) -> bool:

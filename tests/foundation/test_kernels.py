@@ -109,3 +109,26 @@ def test_machine_code_is_loaded_without_numba(tmp_path):
     ]
     assert found[0].replace("True", "False") == found[1]
     assert found[1].startswith("False")
+
+
+def test_machine_code_depends_on_the_files_of_all_callees(tmp_path):
+    """The caller's file and key stay as they are when a callee in another file is edited."""
+    (tmp_path / "caller.py").write_text(
+        "from callee import twice\nfrom foundation.lowering.flat_kernels import flat_kernel\n\n"
+        "@flat_kernel\ndef run(x):\n    twice(x)\n"
+    )
+    program = "import numpy as np, caller\nx = np.ones(1)\ncaller.run.compiled(x)\nprint(x[0])"
+    variables = {
+        **os.environ,
+        "BSERIES_CACHE": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT, tmp_path))),
+    }
+    found = []
+    for factor in ("2", "3", "2"):
+        (tmp_path / "callee.py").write_text(
+            f"from foundation.lowering.flat_kernels import flat_kernel\n\n"
+            f"@flat_kernel\ndef twice(x):\n    x[0] *= {factor}\n"
+        )
+        command = [sys.executable, "-B", "-c", program]
+        found.append(subprocess.run(command, env=variables, capture_output=True, text=True, check=True).stdout)
+    assert found == ["2.0\n", "3.0\n", "2.0\n"]
