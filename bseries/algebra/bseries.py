@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
-from bseries.algebra.stages import MethodStages
+from bseries.algebra.stages import ExactStages
 from bseries.exact import lie
 from bseries.exact.domains import Values, alike, as_floats, exact_number, make_values
 from bseries.exceptions import SeriesError
@@ -64,7 +64,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
     kind: str
     digits: int | None
     uncertainty: Uncertainty | None
-    source: MethodStages | None
+    source: ExactStages | None
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         kind: str | None = None,
         digits: int | None = None,
         uncertainty: Uncertainty | None = None,
-        source: MethodStages | None = None,
+        source: ExactStages | None = None,
     ):
         empty = exact_number(empty)
         names = check_names(names) if names and table.colors > 1 else default_names(table.colors)
@@ -355,7 +355,7 @@ class BSeries(ImmutableValue, Tabular, Mapping[Tree, Any]):
         errors = self.uncertainty and self.uncertainty.of_logarithm(self.table, self.coefficients)
         return self._made(stored, 0)._replace(uncertainty=errors)
 
-    def _made(self, stored: Values, empty: int, source: MethodStages | None = None) -> BSeries:
+    def _made(self, stored: Values, empty: int, source: ExactStages | None = None) -> BSeries:
         """A series that is made of this one alone."""
         return BSeries(self.table, stored, empty, names=self.names, digits=self.digits, source=source)
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import MethodInputs, MethodStages, check_method, inputs_of, stages_without_cuts
+from bseries.algebra.stages import ExactStages, MethodInputs, check_method, inputs_of, stages_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
 from bseries.exact.domains import Values
 from bseries.exact.rationals import RationalValues, primorial
@@ -181,5 +181,4 @@ def of_method(
     values, digits = values_of(inputs), method.digits
     errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind == "rational" else None
     made = BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
-    repeats = empty == 1 and isinstance(inputs, MethodStages) and inputs.kind != "float"
-    return made._replace(source=inputs if repeats else None)
+    return made._replace(source=inputs if empty == 1 and isinstance(inputs, ExactStages) else None)

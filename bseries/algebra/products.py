@@ -1,12 +1,9 @@
 """Products of series: composition and Lie derivatives, substitution and its inverse, and modifying integrators.
 
-exp b = Σ ∂_b^j id / j!, and log is solved from it order by order. compose(a, c) = Σ ∂_{log a}^j c / j!, since the flow
-of log a is a; inverse and powers follow (HLW, lemma IX.9.1). The cost is n² per tree with n nodes; sums over subtrees
-are exponential.
-
-Substitution into a method composes the field with the series of each stage (see `bseries.exact.kernels`):
-n² operations per tree and stage, and restricted tables are closed. Substitution into a series is a sum over all
-2^(n−1) partitions of a tree; no polynomial algorithm is known.
+Two methods are composed stage after stage, other series by Lie derivatives (`bseries.exact.lie`). Substitution into a
+method composes the field with the series of each stage (see `bseries.exact.kernels`): n² operations per tree and stage,
+and restricted tables are closed. Substitution into a series is a sum over all 2^(n−1) partitions of a tree; no
+polynomial algorithm is known.
 """
 
 from __future__ import annotations

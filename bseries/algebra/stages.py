@@ -44,15 +44,13 @@ MOST_STAGES = 1000
 
 
 class MethodStages:
-    """The stages of a method whose entries are elements of a SymPy `ring`, divided by `step`.
+    """The stages of a method, in one domain of numbers (`kind`), which give its series and the logarithm of that."""
 
-    Inputs of every kind give the series of the method, its logarithm and its powers on a table of trees.
-    """
+    kind: str
+    ring: Any = None
 
-    kind = "ring"
-
-    def __init__(self, stages: Stages, ring: Any, step: Any):
-        self.stages, self.ring, self.step = stages, ring, step
+    def __init__(self, stages: Stages):
+        self.stages = stages
 
     def weight_sums(self, colors: int) -> list[Any]:
         """For each colour the sum of the weights: the coefficient of the single node."""
@@ -62,6 +60,24 @@ class MethodStages:
     def load(self, table: TreeTable, arithmetic: Exact) -> Stages:
         """The stages, for recursions that start from them."""
         return self.stages
+
+    def series(self, table: TreeTable) -> Values:
+        """The elementary weights."""
+        raise NotImplementedError
+
+    def logarithm(self, table: TreeTable) -> Values:
+        """The logarithm of the series."""
+        raise NotImplementedError
+
+
+class ExactStages(MethodStages):
+    """Stages whose entries are elements of a SymPy `ring`, divided by `step`: powers and inverses are stages, too."""
+
+    kind = "ring"
+
+    def __init__(self, stages: Stages, ring: Any, step: Any):
+        super().__init__(stages)
+        self.ring, self.step = ring, step
 
     def series(self, table: TreeTable) -> Values:
         """The elementary weights."""
@@ -82,25 +98,19 @@ class MethodStages:
         elements = [arithmetic.element(x * inverses[n]) for x, n in zip(total, table.columns.order, strict=True)]
         return domains.narrowed(RingValues(table, self.ring, elements, self.step))
 
-    def inverse(self) -> MethodStages:
+    def inverse(self) -> ExactStages:
         """The inverse map: A − 1 bᵀ and −b."""
-        return self._replaced(self.stages.inverse())
+        return ExactStages(self.stages.inverse(), self.ring, self.step)
 
-    def scaled(self, factor: Fraction) -> MethodStages:
+    def scaled(self, factor: Fraction) -> ExactStages:
         """The method with `factor` times the step size, a whole number."""
-        return self._replaced(self.stages.scaled(whole(factor)))
-
-    def _replaced(self, stages: Stages) -> MethodStages:
-        return MethodStages(stages, self.ring, self.step)
+        return ExactStages(self.stages.scaled(whole(factor)), self.ring, self.step)
 
 
 class FloatStages(MethodStages):
     """The stages of a method in floats."""
 
     kind = "float"
-
-    def __init__(self, stages: Stages):
-        super().__init__(stages, None, None)
 
     def series(self, table: TreeTable) -> Values:
         """The elementary weights."""
@@ -111,7 +121,7 @@ class FloatStages(MethodStages):
         return lie.logarithm(self.series(table))
 
 
-class RationalStages(MethodStages):
+class RationalStages(ExactStages):
     """The stages of a method with rational series.
 
     Args:
@@ -232,7 +242,7 @@ def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()
         return FloatStages(stages)
     if kind == "rational":
         return RationalStages(stages, largest_sums(stages))
-    return MethodStages(stages, ring, step)
+    return ExactStages(stages, ring, step)
 
 
 def stages_in_field(method: Method, order: int) -> MethodStages:
@@ -261,7 +271,7 @@ def _in_ring(stages: Any, field: Any) -> MethodStages:
     else:
         step = converted(stages.step, stages.ring, field)
         a, b = ([converted(x, stages.ring, field) / step for x in row] for row in (own.a, own.b))
-    return MethodStages(own.with_entries(a, b), field, field.one)
+    return ExactStages(own.with_entries(a, b), field, field.one)
 
 
 def _float_stages(method: Any, stages: Any) -> MethodStages:

@@ -70,7 +70,7 @@ class Exact:
         return [self.number(value) for value in values]
 
     def factors(self, values: Sequence[Any]) -> tuple[Any, Any]:
-        """Factors of the terms of a sum, and their rounding errors (`bseries.exact.kernels.weighted_terms`)."""
+        """Factors of the terms of a sum, and their rounding errors (`bseries.exact.kernels.add_weighted`)."""
         return self.vector(values), self.zeros(0)
 
     def node_factor(self, *, field: bool) -> int:
@@ -122,7 +122,7 @@ class Compiled(Exact):
 
 
 class FloatLists(Exact):
-    """Floats in lists, for small tables while numba is not loaded."""
+    """Floats in lists, for few trees."""
 
     def number(self, value: Any) -> float:
         """The nearest float."""

@@ -23,6 +23,11 @@ def scaled(value: Fraction | int) -> int:
     return -(-(value.numerator << FINE) // value.denominator)
 
 
+def of_numerators(largest: Sequence[int], denominators: Sequence[int]) -> Bound:
+    """The bound given by the largest numerators with 1, 2, … nodes, over these denominators."""
+    return (ONE, *(scaled(Fraction(x, d)) for x, d in zip(largest, denominators[1:], strict=False)))
+
+
 def numerator_bits(bound: Bound, denominators: Sequence[int]) -> list[int]:
     """Numbers of bits of the numerators with 1, 2, … nodes, over these denominators."""
     return [((x * d >> FINE) + 1).bit_length() for x, d in zip(bound[1:], denominators[1:], strict=True)]

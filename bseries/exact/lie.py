@@ -15,7 +15,7 @@ from typing import Any
 from bseries.exact import bounds, recursions
 from bseries.exact.bounds import Bound
 from bseries.exact.domains import RationalValues, Values, alike, apply
-from bseries.exact.rationals import Operation, log_denominator, primes_up_to, wider_step
+from bseries.exact.rationals import Operation, log_denominator, power_unit, wider_step
 
 
 def _bounds(*operands: Values) -> list[Bound]:
@@ -50,9 +50,7 @@ def exponential(b: Values) -> Values:
 
 def power(a: Values, s: Fraction) -> Values:
     """a^s = exp(s log a)."""
-    # The denominator of binom(p/q, k) divides q^k times r^(k−1) for every prime r that divides q (from k!).
-    q = s.denominator
-    factor = q * math.prod(r for r in primes_up_to(a.table.max_order) if q % r == 0)
+    factor = power_unit(a.table.max_order, s)
     (flow,) = _bounds(a)
 
     def expression(arithmetic: Any, first: Any) -> Any:
@@ -64,7 +62,12 @@ def power(a: Values, s: Fraction) -> Values:
         return bounds.exponential((field[0], *(bounds.scaled(abs(s) * Fraction(x, bounds.ONE)) for x in field[1:])))
 
     operation = Operation(
-        expression, bound, lambda n, step: (factor * step) ** n, lambda _, step: factor * step, units=q, passes=2
+        expression,
+        bound,
+        lambda n, step: (factor * step) ** n,
+        lambda _, step: factor * step,
+        units=s.denominator,
+        passes=2,
     )
     return apply(a.table, [a], operation)
 

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.exact import bounds, power_kernels
 from bseries.exact.arithmetic import Exact, float_lists, floats, integers, prime_field, wrapped_integers
-from bseries.exact.rationals import RationalValues, primorial
+from bseries.exact.rationals import RationalValues, power_unit, primorial
 from bseries.exact.recursions import entries
 from bseries.exact.residues import exact_integers
 from foundation.lowering.flat_kernels import machine_code_pays
@@ -85,10 +85,7 @@ def logarithm(order: int) -> PowerWeights:
 @lru_cache(maxsize=64)
 def power(order: int, s: Fraction) -> PowerWeights:
     """The polynomial in k at s, by Lagrange's formula: Σ_k binom(s, k) binom(s−k−1, n−k) (−1)^(n−k) a^k."""
-    # The denominator of binom(s, k) divides q^k times r^(k−1) for every prime r that divides q, the denominator of s.
-    q = s.denominator
-    unit = q * math.prod(r for r in range(2, order + 1) if q % r == 0 and all(r % d for d in range(2, r)))
-    return _weights(order, partial(_lagrange, s), unit)
+    return _weights(order, partial(_lagrange, s), power_unit(order, s))
 
 
 def _lagrange(s: Fraction, n: int, k: int) -> Fraction:
@@ -138,8 +135,8 @@ def _bits(weights: PowerWeights, step: int, sums: tuple[Fraction, Fraction], lar
     denominators = _denominators(weights, step)
     order = len(denominators) - 1
     if weights == logarithm(order):
-        known = (bounds.scaled(Fraction(x, d)) for x, d in zip(largest, denominators[1:], strict=False))
-        bound = bounds.logarithm(bounds.geometric(order, *sums), (bounds.ONE, *known))
+        known = bounds.of_numerators(largest, denominators)
+        bound = bounds.logarithm(bounds.geometric(order, *sums), known)
     else:
         bound = bounds.sum_of_powers(weights.values, *sums)
     return bounds.numerator_bits(bound, denominators)

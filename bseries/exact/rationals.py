@@ -159,10 +159,8 @@ class RationalValues(Values):
     @cached_property
     def bound(self) -> Bound:
         """The largest absolute values, by number of nodes."""
-        found = [bounds.ONE]
-        for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
-            found.append(bounds.scaled(Fraction(largest_size(self.raw[first:last]), self.denominators[n])))
-        return tuple(found)
+        largest = [largest_size(self.raw[first:last]) for first, last in pairwise(self.table.offsets)]
+        return bounds.of_numerators(largest, self.denominators)
 
     def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
         """The values as a raw vector of an arithmetic; `table` is that of these values."""
@@ -180,9 +178,8 @@ class RationalValues(Values):
                 factor = Fraction(2 ** arithmetic.twos_of(n, field=field), common)
                 vector[first:last] = part * np.int64(arithmetic.number(factor))
             else:
-                p = arithmetic.prime
-                residues = (part % p).astype(np.int64) * arithmetic.number(Fraction(1, common)) % p
-                vector[first:last] = np.where(2 * residues > p, residues - p, residues)
+                residues = (part % arithmetic.prime).astype(np.int64) * arithmetic.number(Fraction(1, common))
+                vector[first:last] = _balanced(residues, arithmetic.prime)
         return vector
 
 
@@ -214,6 +211,15 @@ def log_denominator(n: int, step: int) -> int:
 def wider_step(order: int, step: int) -> int:
     """An L for denominators that divide n! step^n."""
     return step * primorial(order)
+
+
+def power_unit(order: int, s: Fraction) -> int:
+    """A number of whose n-th power the denominator of binom(s, k) is a divisor, for k ≤ n ≤ order.
+
+    With s = p/q it divides q^k times r^(k−1) for every prime r that divides q (from k!).
+    """
+    q = s.denominator
+    return q * math.prod(r for r in primes_up_to(order) if q % r == 0)
 
 
 def work(table: TreeTable, operation: Operation) -> int:
@@ -251,9 +257,7 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
         return _word_numerators(table, run(words), scaling)
 
     def bits_of(largest: Sequence[int]) -> list[int]:
-        known = zip(largest, denominators[1:], strict=False)
-        found = operation.bound((bounds.ONE, *(bounds.scaled(Fraction(x, d)) for x, d in known)))
-        return bounds.numerator_bits(found, denominators)
+        return bounds.numerator_bits(operation.bound(bounds.of_numerators(largest, denominators)), denominators)
 
     numerators = exact_integers(
         residues, table.offsets, bits_of, [d.bit_length() for d in denominators[1:]],
@@ -291,9 +295,14 @@ def _prime_numerators(table: TreeTable, values: Words, denominators: Sequence[in
     import numpy as np
 
     factors = np.array([d % prime for d in denominators])
-    values *= factors[table.order]
+    return _balanced(values * factors[table.order], prime)
+
+
+def _balanced(values: Words, prime: int) -> Words:
+    """The representatives of least absolute value; the argument is overwritten."""
     values %= prime
-    return np.where(2 * values > prime, values - prime, values)
+    values -= prime * (2 * values > prime)
+    return values
 
 
 def smallest_step(denominators: Sequence[int], step: int) -> int:
