@@ -11,8 +11,9 @@ from typing import Any
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.stages import ExactStages, MethodInputs, check_method, inputs_of, stages_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
+from bseries.exact.denominators import primorial
 from bseries.exact.domains import Values
-from bseries.exact.rationals import RationalValues, primorial
+from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram

@@ -19,11 +19,12 @@ from bseries.algebra.bseries import BSeries, check_field, check_flow, check_seri
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
 from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.algebra.uncertainty import Uncertainty, by_differences
-from bseries.exact import bounds, lie, recursions
+from bseries.exact import bounds, denominators, lie, recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.bounds import Bound
+from bseries.exact.denominators import twos
 from bseries.exact.domains import Values, alike, apply, ring_element
-from bseries.exact.rationals import Operation, RationalValues, twos
+from bseries.exact.rationals import Operation, RationalValues
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -227,7 +228,7 @@ def _modifying_values(method: Method, table: TreeTable, stages: MethodStages) ->
     flow, largest = stages.bound(table.max_order), max(map(abs, inverses))
     operation = _operation(
         expression,
-        recursions.solved_denominators(powers, target.denominators, numerators),
+        denominators.solved(powers, target.denominators, numerators),
         lambda known: bounds.solved(flow, target.bound, largest, known),
     )
     integers = stages.integers if numerators % 2 else None
@@ -282,7 +283,7 @@ def _solve(a: BSeries, target: RationalValues, name: str) -> BSeries:
         numerators, flow, largest = _numerators(roots), values.bound, max(map(abs, inverses))
         operation = _operation(
             expression,
-            recursions.solved_denominators(values.denominators, target.denominators, numerators),
+            denominators.solved(values.denominators, target.denominators, numerators),
             lambda known: bounds.solved(flow, target.bound, largest, known),
         )._replace(avoid=numerators)
     operation = operation._replace(passes=2 ** (a.order - 1) // a.order + 1)
@@ -311,7 +312,7 @@ def _substitution(expression: Any, b: Any, a: Any) -> Operation:
     flow = a.bound(b.table.max_order) if is_method else a.bound
     operation = _operation(
         expression,
-        recursions.substituted_denominators(skeletons, b.denominators),
+        denominators.substituted(skeletons, b.denominators),
         lambda known: bounds.substituted(flow, b.bound),
     )
     passes = 2 * a.stages.size if is_method else 2 ** (b.table.max_order - 1) // b.table.max_order + 1

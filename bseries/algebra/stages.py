@@ -23,12 +23,13 @@ from functools import cached_property, lru_cache, reduce
 from itertools import accumulate, pairwise
 from typing import Any, TypeAlias
 
-from bseries.exact import domains, lie, powers
+from bseries.exact import domains, lie, powers, recursions
 from bseries.exact.arithmetic import Exact, Wrapped, whole, wrapped_stages
 from bseries.exact.bounds import Bound, geometric
+from bseries.exact.denominators import primorial, smallest_step, twos
 from bseries.exact.domains import RingValues, Values, alike, converted, narrowest, ring_element, to_float
 from bseries.exact.powers import PowerWeights
-from bseries.exact.rationals import Operation, RationalValues, primorial, smallest_step, twos
+from bseries.exact.rationals import Operation, RationalValues
 from bseries.exact.recursions import Stages, lie_series
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
@@ -93,7 +94,7 @@ class ExactStages(MethodStages):
 
     def _sum(self, table: TreeTable, weights: PowerWeights) -> Values:
         arithmetic = domains.interpreted(self)
-        total = powers.sum_of_powers(table, self.stages, 1, weights, arithmetic)
+        total = recursions.sum_of_powers(table, self.stages, 1, weights.numerators, arithmetic)
         inverses = [arithmetic.number(Fraction(1, d)) for d in weights.denominators]
         elements = [arithmetic.element(x * inverses[n]) for x, n in zip(total, table.columns.order, strict=True)]
         return domains.narrowed(RingValues(table, self.ring, elements, self.step))
@@ -136,7 +137,7 @@ class RationalStages(ExactStages):
         self.sums = sums
 
     def _sum(self, table: TreeTable, weights: PowerWeights) -> RationalValues:
-        return powers.rational_sum(table, self.stages, self.step, self.sums, weights)
+        return powers.rational_sum(table, self.stages, self.sums, weights)
 
     @cached_property
     def integers(self) -> Wrapped:

@@ -14,8 +14,9 @@ from typing import Any
 
 from bseries.exact import bounds, recursions
 from bseries.exact.bounds import Bound
+from bseries.exact.denominators import of_logarithm, power_unit, wider_step
 from bseries.exact.domains import RationalValues, Values, alike, apply
-from bseries.exact.rationals import Operation, log_denominator, power_unit, wider_step
+from bseries.exact.rationals import Operation
 
 
 def _bounds(*operands: Values) -> list[Bound]:
@@ -29,7 +30,7 @@ def logarithm(a: Values) -> Values:
     operation = Operation(
         lambda arithmetic, target: recursions.logarithm(target(field=True), a.table, arithmetic),
         lambda known: bounds.logarithm(flow, known),
-        log_denominator,
+        of_logarithm,
         wider_step,
         field=True,
     )

@@ -136,8 +136,8 @@ def finish(
 
 @flat_kernel
 def sum_of_powers(
-    orders, colors, id_blocks, left, right, steps, powers, tails, blocks, ends, relation, start, column, a, b, modulus,
-    stride, stage, applied, prefix, matrix, total,
+    first_step, last_step, first_tree, last_tree, orders, colors, id_blocks, left, right, powers, tails, blocks, ends,
+    relation, start, column, a, b, modulus, stride, stage, applied, prefix, matrix, total,
 ):  # fmt: skip
     """Add Σ_k powers[k, n] a^k(τ) to the total of every tree τ with n nodes, where a^k is the series of k steps.
 
@@ -146,10 +146,12 @@ def sum_of_powers(
     tails[k] b · g, where tails[k] is the sum of the weights from k on.
 
     Args:
+        first_step, last_step: The steps first … last−1, from 0 on; those before are done.
+        first_tree, last_tree: Range of ids; smaller trees are done in all these steps. Several trees of one order can
+            be done at once, in threads.
         orders, colors: Largest number of nodes, and number of colours.
         id_blocks: First ids, by number of nodes and root colour.
         left, right: The factors of every tree. The products of one tree with neighbours are neighbours.
-        steps: Number of steps.
         powers, tails: Weights (steps, orders + 1), flat.
         blocks, ends: Number of blocks, and their ends, from 0 on.
         relation: q, for every component.
@@ -163,10 +165,10 @@ def sum_of_powers(
     """
     inverse = 1.0 / modulus if modulus else 0.0
     size = ends[blocks]
-    for step in range(steps):
+    for step in range(first_step, last_step):
         for k in range(orders * colors):
-            first = id_blocks[k]
-            last = id_blocks[k + 1]
+            first = max(id_blocks[k], first_tree)
+            last = min(id_blocks[k + 1], last_tree)
             order = k // colors + 1
             row = (k % colors) * size
             place = step * (orders + 1) + order

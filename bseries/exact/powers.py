@@ -10,8 +10,9 @@ and its value at any s is a^s(τ), by Lagrange's formula. k steps are one compos
 products along left ∘ right (`bseries.exact.power_kernels`): n · s numbers for a tree and a method with s stages, where
 Lie derivatives take n² numbers and a table of all cuts.
 
-If the entries have the common denominator L, then a^k(τ) L^n is an integer; so is the sum, once the weights are
-multiplied by their common denominator W_n. Integers are computed as they are for few trees, else from residues.
+If a^k(τ) has a denominator D_n (`bseries.exact.denominators`), then the sum is whole once the weights are multiplied by
+D_n and by their common denominator W_n. Few trees are computed in integers, with L^n for the common denominator L of
+the entries; many from residues.
 
 For floats the sum is unstable, since its weights alternate and grow like 2^n; their logarithms and powers are sums of
 Lie derivatives, as are those of series that come from no method.
@@ -25,17 +26,19 @@ from fractions import Fraction
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bseries.exact import bounds, power_kernels
-from bseries.exact.arithmetic import Exact, float_lists, floats, integers, prime_field, wrapped_integers
-from bseries.exact.rationals import RationalValues, power_unit, primorial
-from bseries.exact.recursions import entries
-from bseries.exact.residues import exact_integers
+from bseries.exact import bounds, denominators, recursions
+from bseries.exact.arithmetic import float_lists, floats, integers, prime_field, wrapped_integers
+from bseries.exact.denominators import power_unit, primorial
+from bseries.exact.rationals import RationalValues
+from bseries.exact.residues import WORD, exact_integers
 from foundation.lowering.flat_kernels import machine_code_pays
 
 if TYPE_CHECKING:
     from bseries.exact.recursions import Stages
     from bseries.exact.residues import Words
     from trees.table import TreeTable
+
+    Rows = tuple[tuple[int, ...], ...]
 
 
 class PowerWeights(NamedTuple):
@@ -94,72 +97,69 @@ def _lagrange(s: Fraction, n: int, k: int) -> Fraction:
 
 
 def rational_sum(
+    table: TreeTable, stages: Stages, sums: tuple[Fraction, Fraction], weights: PowerWeights
+) -> RationalValues:
+    """Σ_k w_k a^k for a method with rational entries; `sums` bound those of |b_i|, and of |a_ij| over j."""
+    step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
+    if machine_code_pays(weights.steps * stages.size * len(table)):
+        return _from_residues(table, stages, step, sums, weights)
+    numerators = recursions.sum_of_powers(table, stages, step, weights.numerators, integers())
+    denominators = [w * step**n for n, w in enumerate(weights.denominators)]
+    return RationalValues(table, numerators, denominators, step * weights.unit)
+
+
+def _from_residues(
     table: TreeTable, stages: Stages, step: int, sums: tuple[Fraction, Fraction], weights: PowerWeights
 ) -> RationalValues:
-    """Σ_k w_k a^k for a method with rational entries, of which `step` is a common denominator.
+    """The sum from its residues modulo 2^64, if these are of use, and modulo primes."""
+    scale, rows, common, wraps = _whole_weights(stages, step, weights)
 
-    `sums` bound those of |b_i|, and of |a_ij| over j.
+    def residues(modulus: int) -> Words:
+        arithmetic = prime_field(modulus) if modulus else wrapped_integers(0)
+        return recursions.sum_of_powers(table, stages, scale, rows, arithmetic)
+
+    numerators = exact_integers(
+        residues, table.offsets, lambda largest: _bits(weights, common, sums, tuple(largest)),
+        [d.bit_length() for d in common[1:]], lost=() if wraps else None, avoid=step,
+    )  # fmt: skip
+    return RationalValues(table, numerators, common, step * weights.unit)
+
+
+@lru_cache(maxsize=256)
+def _whole_weights(stages: Stages, step: int, weights: PowerWeights) -> tuple[int, Rows, tuple[int, ...], bool]:
+    """How the sum becomes whole: a factor on the entries, weights, denominators, and whether 2^64 may be a modulus.
+
+    For that, entries are multiplied by the power of 2 in their common denominator. If that gives trees with n nodes far
+    more factors of two than their denominators have, primes alone take fewer runs.
     """
-    denominators = _denominators(weights, step)
-    if machine_code_pays(weights.steps * stages.size * len(table)):
-        numerators: Any = exact_integers(
-            partial(_residues, table, stages, step, weights),
-            table.offsets,
-            lambda largest: _bits(weights, step, sums, tuple(largest)),
-            [d.bit_length() for d in denominators[1:]],
-        )
+    order = len(weights.denominators) - 1
+    flow = denominators.of_stages(stages, order)
+    if weights.steps > 1:
+        flow = denominators.of_powers(flow)
+    wraps = denominators.twos(step) * order - denominators.twos(flow[-1]) < WORD // 2
+    scale = 2 ** denominators.twos(step) if wraps else 1
+    if wraps:
+        flow = tuple(d >> denominators.twos(d) for d in flow)
+    rows = tuple(tuple(w * d for w in row) for row, d in zip(weights.numerators, flow, strict=True))
+    common = tuple(w * d * scale**n for n, (w, d) in enumerate(zip(weights.denominators, flow, strict=True)))
+    return scale, rows, common, wraps
+
+
+@lru_cache(maxsize=256)
+def _bits(
+    weights: PowerWeights, common: tuple[int, ...], sums: tuple[Fraction, Fraction], largest: tuple[int, ...]
+) -> Sequence[int]:
+    """Numbers of bits of the numerators for n = 1, 2, … nodes; `largest` are the largest of the first orders."""
+    order = len(common) - 1
+    if weights == logarithm(order):
+        bound = bounds.logarithm(bounds.geometric(order, *sums), bounds.of_numerators(largest, common))
     else:
-        numerators = sum_of_powers(table, stages, step, weights, integers())
-    return RationalValues(table, numerators, denominators, step * weights.unit)
+        bound = bounds.sum_of_powers(weights.values, *sums)
+    return bounds.numerator_bits(bound, common)
 
 
 def float_series(table: TreeTable, stages: Stages) -> Any:
     """The series of a method in floats: a list for few trees, else an array."""
     pays = machine_code_pays(stages.size * len(table))
-    return sum_of_powers(table, stages, 1, one_step(table.max_order), floats() if pays else float_lists())
-
-
-def _residues(table: TreeTable, stages: Stages, step: int, weights: PowerWeights, modulus: int) -> Words:
-    """The integers modulo a prime, or for 0 modulo 2^64."""
-    return sum_of_powers(table, stages, step, weights, prime_field(modulus) if modulus else wrapped_integers(0))
-
-
-@lru_cache(maxsize=256)
-def _denominators(weights: PowerWeights, step: int) -> tuple[int, ...]:
-    return tuple(w * step**n for n, w in enumerate(weights.denominators))
-
-
-@lru_cache(maxsize=256)
-def _bits(weights: PowerWeights, step: int, sums: tuple[Fraction, Fraction], largest: tuple[int, ...]) -> Sequence[int]:
-    """Numbers of bits of the numerators for n = 1, 2, … nodes; `largest` are the largest of the first orders."""
-    denominators = _denominators(weights, step)
-    order = len(denominators) - 1
-    if weights == logarithm(order):
-        known = bounds.of_numerators(largest, denominators)
-        bound = bounds.logarithm(bounds.geometric(order, *sums), known)
-    else:
-        bound = bounds.sum_of_powers(weights.values, *sums)
-    return bounds.numerator_bits(bound, denominators)
-
-
-def sum_of_powers(table: TreeTable, stages: Stages, step: Any, weights: PowerWeights, arithmetic: Exact) -> Any:
-    """Σ_k w_k a^k W_n in an arithmetic, for the method whose entries are those of `stages` times `step`."""
-    size, zeros, kernel = stages.size, arithmetic.zeros, arithmetic.run(power_kernels.sum_of_powers)
-    stride = max(table.offsets[-2], table.colors)
-    total = zeros(len(table))
-    _, _, left, right = arithmetic.columns(table)
-    kernel(
-        table.max_order, table.colors, arithmetic.indices(table.block), left, right, weights.steps,
-        *_vectors(weights, arithmetic), *entries(stages, arithmetic, (step, step)), arithmetic.modulus, stride,
-        zeros(size * stride), zeros(size * stride), zeros(stride), zeros(stages.longest**2), total,
-    )  # fmt: skip
-    return total
-
-
-@lru_cache(maxsize=256)
-def _vectors(weights: PowerWeights, arithmetic: Exact) -> tuple[Any, Any]:
-    """The weights of the powers and of the steps, step by step."""
-    steps, rows = weights.steps, weights.numerators
-    powers = [row[k] if k < len(row) else 0 for k in range(steps) for row in rows]
-    tails = [sum(row[k:]) for k in range(steps) for row in rows]
-    return arithmetic.vector(powers), arithmetic.vector(tails)
+    rows = one_step(table.max_order).numerators
+    return recursions.sum_of_powers(table, stages, 1, rows, floats() if pays else float_lists())

@@ -24,6 +24,7 @@ from bseries.exact import arithmetic as arithmetics
 from bseries.exact import bounds
 from bseries.exact.arithmetic import MOST_TERMS, Exact, Prime, Wrapped, whole
 from bseries.exact.bounds import Bound
+from bseries.exact.denominators import smallest_step, twos
 from bseries.exact.residues import exact_integers, largest_size
 from foundation.lowering.flat_kernels import machine_code_pays
 
@@ -202,26 +203,6 @@ class Operation(NamedTuple):
     passes: int = 1  # about how many recursions over all trees the operation takes
 
 
-@lru_cache(maxsize=1024)
-def log_denominator(n: int, step: int) -> int:
-    """The denominator bound of log a for trees with n nodes (see above)."""
-    return math.lcm(*range(1, n + 1)) * step**n
-
-
-def wider_step(order: int, step: int) -> int:
-    """An L for denominators that divide n! step^n."""
-    return step * primorial(order)
-
-
-def power_unit(order: int, s: Fraction) -> int:
-    """A number of whose n-th power the denominator of binom(s, k) is a divisor, for k ≤ n ≤ order.
-
-    With s = p/q it divides q^k times r^(k−1) for every prime r that divides q (from k!).
-    """
-    q = s.denominator
-    return q * math.prod(r for r in primes_up_to(order) if q % r == 0)
-
-
 def work(table: TreeTable, operation: Operation) -> int:
     """About the number of products that an operation computes."""
     return table.max_order**2 * len(table) * operation.passes // 2
@@ -303,30 +284,3 @@ def _balanced(values: Words, prime: int) -> Words:
     values %= prime
     values -= prime * (2 * values > prime)
     return values
-
-
-def smallest_step(denominators: Sequence[int], step: int) -> int:
-    """A small L with denominators[n] dividing L^n: `step`, which has that property, without needless small primes."""
-    for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37):
-        while step % prime == 0:
-            smaller = step // prime
-            if any(smaller**n % d for n, d in enumerate(denominators)):
-                break
-            step = smaller
-    return step
-
-
-@lru_cache(maxsize=64)
-def primes_up_to(n: int) -> tuple[int, ...]:
-    """The primes up to n."""
-    return tuple(p for p in range(2, n + 1) if all(p % d for d in range(2, math.isqrt(p) + 1)))
-
-
-def primorial(n: int) -> int:
-    """Product of the primes up to n."""
-    return math.prod(primes_up_to(n))
-
-
-def twos(number: int) -> int:
-    """The exponent of 2 in a number."""
-    return (number & -number).bit_length() - 1

@@ -1,20 +1,21 @@
-"""Recursions over a table of trees, in any arithmetic: logarithm, Lie series, substitution.
+"""Recursions over a table of trees, in any arithmetic: powers of a method, logarithm, Lie series, substitution.
 
 Arguments and results are raw vectors of an arithmetic, one number per tree; `bseries.exact.domains` turns them into
-coefficients. The denominators of substituted series are here as well.
+coefficients.
 """
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from functools import lru_cache
+from fractions import Fraction
+from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from typing import Any
 
-from bseries.exact import kernels
-from bseries.exact.arithmetic import Exact, factorial_weights
+from bseries.exact import kernels, power_kernels
+from bseries.exact.arithmetic import Exact, factorial_weights, rationals
+from bseries.exact.residues import LARGE, threads
 from trees.table import TreeTable, partitions_of
 
 
@@ -94,6 +95,59 @@ def entries(stages: Stages, arithmetic: Exact, factors: tuple[Any, Any] = (1, 1)
         arithmetic.vector([stages.a[k] * of_matrix for k in filled]),
         arithmetic.vector([entry * of_weights for entry in stages.b]),
     )
+
+
+def sum_of_powers(
+    table: TreeTable, stages: Stages, step: Any, weights: tuple[tuple[int, ...], ...], arithmetic: Exact
+) -> Any:
+    """Σ_k weights[n][k−1] a^k, n the number of nodes, for the method with the entries of `stages` times `step`."""
+    steps, powers, tails = _weights(weights, arithmetic)
+    total, _ = _sum_of_powers(table, stages, step, steps, powers, tails, arithmetic)
+    return total
+
+
+def elementary_weights(table: TreeTable, stages: Stages) -> tuple[list[Fraction], list[list[Fraction]]]:
+    """The series of a method with rational entries, and for each component the vectors A g of all but the top order."""
+    exact = rationals(len(table))
+    total, vectors = _sum_of_powers(table, stages, 1, *_weights(((1,),) * (table.max_order + 1), exact), exact)
+    stride = len(vectors) // stages.size
+    return total, [vectors[i : i + stride] for i in range(0, len(vectors), stride)]
+
+
+def _sum_of_powers(
+    table: TreeTable, stages: Stages, step: Any, steps: int, powers: Any, tails: Any, arithmetic: Exact
+) -> tuple[Any, Any]:
+    """The sum, and the vectors G of the last step."""
+    zeros, run = arithmetic.zeros, arithmetic.run(power_kernels.sum_of_powers)
+    stride = max(table.offsets[-2], table.colors)
+    stage, applied, prefix = zeros(stages.size * stride), zeros(stages.size * stride), zeros(stride)
+    total = zeros(len(table))
+    _, _, left, right = arithmetic.columns(table)
+    given = (
+        table.max_order, table.colors, arithmetic.indices(table.block), left, right, powers, tails,
+        *entries(stages, arithmetic, (step, step)), arithmetic.modulus, stride, stage, applied, prefix,
+    )  # fmt: skip
+
+    def add(step: int, last_step: int, first: int, last: int) -> None:
+        run(step, last_step, first, last, *given, zeros(stages.longest**2), total)
+
+    if len(table) <= LARGE:
+        add(0, steps, 0, len(table))
+        return total, applied
+    for now in range(steps):
+        for first, last in pairwise(table.offsets):
+            parts = [*range(first, last, LARGE // 4), last]
+            list(threads().map(partial(add, now, now + 1), parts, parts[1:]))
+    return total, applied
+
+
+@lru_cache(maxsize=256)
+def _weights(rows: tuple[tuple[int, ...], ...], arithmetic: Exact) -> tuple[int, Any, Any]:
+    """The number of steps, and the weights of the powers and of the steps, step by step."""
+    steps = max(map(len, rows))
+    powers = [row[k] if k < len(row) else 0 for k in range(steps) for row in rows]
+    tails = [sum(row[k:]) for k in range(steps) for row in rows]
+    return steps, arithmetic.vector(powers), arithmetic.vector(tails)
 
 
 def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
@@ -212,45 +266,3 @@ def into_series(
 def _scale(arithmetic: Exact, inverses: Sequence[Any]) -> Any:
     """1/B and −1/B for each colour."""
     return arithmetic.vector([factor for x in inverses for factor in (x, -x)])
-
-
-@lru_cache(maxsize=64)
-def substituted_denominators(skeletons: tuple[int, ...], parts: tuple[int, ...]) -> tuple[int, ...]:
-    """Denominators of b ★ a from those of a (skeletons) and of b (parts); lists begin with one for ∅.
-
-    (b ★ a)(τ) = Σ over the partitions of τ of a(skeleton) Π b(parts). If D^a_m · a is an integer on trees with m nodes
-    and D^b_n · b on trees with n nodes, then the least common multiple of D^a_m D^b_{n_1} … D^b_{n_m} over all m and
-    n_1 + … + n_m = n is a common denominator on trees with n nodes.
-    """
-    products = [[1]]
-    found = [1]
-    for n in range(1, len(skeletons)):
-        _extend(products, n, parts)
-        found.append(math.lcm(*(skeletons[m] * products[m][n] for m in range(1, n + 1))))
-    return tuple(found)
-
-
-@lru_cache(maxsize=64)
-def solved_denominators(skeletons: tuple[int, ...], targets: tuple[int, ...], divisor: int) -> tuple[int, ...]:
-    """Denominators of the b with b ★ a = c from those of a and c; `divisor` is the numerator of a(•).
-
-    a(•) b(τ) = c(τ) − Σ over the partitions with two or more parts.
-    """
-    products: list[list[int]] = [[1]]
-    found = [1]
-    for n in range(1, len(skeletons)):
-        found.append(0)  # excludes b(τ) itself
-        _extend(products, n, found)
-        several = (skeletons[m] * products[m][n] for m in range(2, n + 1))
-        found[n] = divisor * math.lcm(targets[n], *several)
-        products[1][n] = found[n]
-    return tuple(found)
-
-
-def _extend(products: list[list[int]], n: int, parts: Sequence[int]) -> None:
-    """Fill in products[m][n], the common denominator of m parts with n nodes in all (0: impossible)."""
-    products[0].append(0)
-    products.append([0] * n)
-    for m in range(1, n + 1):
-        factors = (products[m - 1][n - k] * parts[k] for k in range(1, n + 1))
-        products[m].append(math.lcm(*filter(None, factors)))

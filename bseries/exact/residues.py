@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 PRIME_BITS = 30
 WORD = 63
 """Integers of fewer bits are known from their residues modulo 2^64."""
-SMALL = 2000
-"""Number of entries below which a run takes no longer than handing it to another thread."""
+SMALL, LARGE = 2000, 2**21
+"""Numbers of entries: below the first, a run takes no longer than handing it to another thread; a run on more than the
+second is itself done in several threads."""
 
 
 def exact_integers(
@@ -59,15 +60,19 @@ def exact_integers(
     rooms = [0 if low is None else WORD - x for x in lost or [0] * (len(offsets) - 1)]
     primes: list[int] = []
     residues: list[Words] = []
+    found: list[Integers] = []
     largest: list[int] = []
     bits = bits_of(largest)
+
+    def part(first: int, last: int | None) -> Integers:
+        return from_residues([r[first:last] for r in residues], primes, None if low is None else low[first:last])
+
     while any(bound > room for bound, room in zip(bits, rooms, strict=True)):
-        known = len(largest)
-        while len(largest) < len(bits) and bits[len(largest)] <= rooms[len(largest)]:
-            first, last = offsets[len(largest)], offsets[len(largest) + 1]
-            part = from_residues([r[first:last] for r in residues], primes, None if low is None else low[first:last])
-            largest.append(largest_size(part))
-        if len(largest) > known:
+        known = len(found)
+        while len(found) < len(bits) and bits[len(found)] <= rooms[len(found)]:
+            found.append(part(offsets[len(found)], offsets[len(found) + 1]))
+            largest.append(largest_size(found[-1]))
+        if len(found) > known:
             bits = bits_of(largest)
             continue
         if lost:
@@ -76,14 +81,27 @@ def exact_integers(
         wanted = bits[known] + max(0, growth[-1] - growth[known]) - have
         more = primes_beyond(max(wanted, 1), avoid * math.prod(primes))
         primes += more
-        residues += _threads(os.getpid()).map(run, more) if offsets[-1] > SMALL else map(run, more)
+        residues += threads().map(run, more) if SMALL < offsets[-1] <= LARGE else map(run, more)
         rooms = [int(sum(math.log2(p) - 1e-9 for p in primes)) + (WORD if low is not None else -1)] * len(bits)
-    return from_residues(residues, primes, low)
+    return _joined([*found, part(offsets[len(found)], None)]) if primes or low is None else low
+
+
+def _joined(parts: Sequence[Integers]) -> Integers:
+    """The integers one after another: an int64 array if all fit."""
+    import numpy as np
+
+    if any(isinstance(part, list) for part in parts):
+        return [x for part in parts for x in (part if isinstance(part, list) else part.tolist())]
+    return np.concatenate(parts)
+
+
+def threads() -> ThreadPoolExecutor:
+    """One pool for each process: starting threads takes longer than a run on few trees."""
+    return _threads(os.getpid())
 
 
 @lru_cache(maxsize=1)
 def _threads(process: int) -> ThreadPoolExecutor:
-    """One pool for each process: starting threads takes longer than a run on few trees."""
     return ThreadPoolExecutor(min(os.cpu_count() or 1, 8))
 
 

@@ -18,7 +18,7 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import Any
 
-from bseries.exact.rationals import primes_up_to
+from bseries.exact.denominators import primes_up_to
 from foundation.kernels import kernel
 from trees.lyndon_words import count_lyndon_words
 
