@@ -342,7 +342,10 @@ def interpreted(operand: Any) -> Exact:
     if operand.kind == "float":
         return float_lists()
     ring = operand.ring
-    return NumberField(ring) if ring.is_AlgebraicField else Exact(partial(ring_element, ring))
+    if ring.is_AlgebraicField:
+        return NumberField(ring)
+    is_rational = ring.is_PolynomialRing and ring.domain.is_QQ
+    return Polynomials(ring) if is_rational else Exact(partial(ring_element, ring))
 
 
 class NumberField(Exact):
@@ -366,6 +369,30 @@ class NumberField(Exact):
             return self.field.convert(value)
         rest = value % self._relation
         return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
+
+
+class Polynomials(Exact):
+    """Polynomials in symbols with rational coefficients, as python-flint's."""
+
+    def __init__(self, ring: Any):
+        from flint import fmpq_mpoly_ctx
+
+        super().__init__()
+        self.ring = ring
+        self._context = fmpq_mpoly_ctx.get(tuple(f"x{k}" for k in range(len(ring.symbols))), "lex")
+
+    def number(self, value: Any) -> Any:
+        """A rational number, or a polynomial of the ring."""
+        if isinstance(value, Rational):
+            return self._context.constant(to_flint(value))
+        return self._context.from_dict({powers: to_flint(x) for powers, x in value.items()})
+
+    def element(self, value: Any) -> Any:
+        """A polynomial, or an int, as an element of the ring."""
+        if isinstance(value, int):
+            return self.ring.convert(value)
+        rational = self.ring.domain
+        return self.ring.ring.from_dict({k: rational(int(x.p), int(x.q)) for k, x in value.to_dict().items()})
 
 
 def flint_polynomial(descending: Sequence[Any]) -> fmpq_poly:

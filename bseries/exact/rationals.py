@@ -169,19 +169,22 @@ class RationalValues(Values):
             return arithmetic.vector(self.coefficients())
         import numpy as np
 
-        vector = arithmetic.zeros(len(table))
-        for n, (first, last) in enumerate(pairwise(table.offsets), 1):
-            part, common = self.raw[first:last], self.denominators[n]
-            part = np.array(part, object) if isinstance(part, list) else part
-            if isinstance(arithmetic, Wrapped):
-                if part.dtype == object:
-                    part = (part & (2**64 - 1)).astype(np.uint64).view(np.int64)
-                factor = Fraction(2 ** arithmetic.twos_of(n, field=field), common)
-                vector[first:last] = part * np.int64(arithmetic.number(factor))
-            else:
-                residues = (part % arithmetic.prime).astype(np.int64) * arithmetic.number(Fraction(1, common))
-                vector[first:last] = _balanced(residues, arithmetic.prime)
-        return vector
+        factors = _inverses(self.denominators, arithmetic, field)[table.order]
+        if isinstance(arithmetic, Prime):
+            raw = np.asarray(self.raw, object if isinstance(self.raw, list) else None)
+            return _balanced((raw % arithmetic.prime).astype(np.int64) * factors, arithmetic.prime)
+        if isinstance(self.raw, list):
+            return np.array([x % 2**64 for x in self.raw], np.uint64).view(np.int64) * factors
+        return self.raw * factors
+
+
+@lru_cache(maxsize=256)
+def _inverses(denominators: tuple[int, ...], arithmetic: Wrapped | Prime, field: bool) -> Words:
+    """Factors on numerators, by number of nodes: 1/denominator, modulo 2^64 with the scaling of the arithmetic."""
+    if isinstance(arithmetic, Prime):
+        return arithmetic.vector([Fraction(1, d) for d in denominators])
+    scales = (2 ** arithmetic.twos_of(n, field=field) for n in range(1, len(denominators)))
+    return arithmetic.vector([0, *(Fraction(x, d) for x, d in zip(scales, denominators[1:], strict=True))])
 
 
 class Operation(NamedTuple):
