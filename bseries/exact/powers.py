@@ -133,9 +133,11 @@ def _whole_weights(stages: Stages, step: int, weights: PowerWeights) -> tuple[in
     more factors of two than their denominators have, primes alone take fewer runs.
     """
     order = len(weights.denominators) - 1
-    flow = denominators.of_stages(stages, order)
-    if weights.steps > 1:
-        flow = denominators.of_powers(flow)
+    if step.bit_length() * order < WORD:  # a run modulo 2^64 is likely to do
+        flow = tuple(step**n for n in range(order + 1))
+    else:
+        flow = denominators.of_stages(stages, order)
+        flow = denominators.of_powers(flow) if weights.steps > 1 else flow
     wraps = denominators.twos(step) * order - denominators.twos(flow[-1]) < WORD // 2
     scale = 2 ** denominators.twos(step) if wraps else 1
     if wraps:

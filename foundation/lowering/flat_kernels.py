@@ -91,8 +91,8 @@ def _object_code(function: Any, kinds: tuple[Any, ...]) -> Any:
 flat_kernel = FlatKernel
 """Marks a function as a flat kernel."""
 
-FEW_PRODUCTS = 500
-"""Products of numbers that take the interpreter a third of a millisecond."""
+FEW_PRODUCTS = 350
+"""Products of numbers that take the interpreter a quarter of a millisecond."""
 
 
 def machine_code_pays(products: int) -> bool:
