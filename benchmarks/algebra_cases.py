@@ -23,7 +23,7 @@ def modifying(method: str, order: int) -> Callable[[], Sampler]:
         chosen = bs.method(method)
 
         def sample() -> Sample:
-            _ = tables.tree_table(order).splits  # the next case may have thrown it away
+            _ = next(tables.tree_table(order).cut_chunks())  # the next case may have thrown it away
             return time_calls(lambda: bs.modifying_integrator(chosen, order))
 
         bs.modifying_integrator(chosen, order)

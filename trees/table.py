@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
+from itertools import accumulate
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.lowering.flat_kernels import machine_code_pays
 from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
 from trees import counting, kernels
-from trees.counting import Limits, check_order, normal_limits
+from trees.basis import Basis, Cuts, Growth
+from trees.counting import Limits, normal_limits
 from trees.drawing import MAX_TREES, draw, svg
 from trees.errors import TreeError
 from trees.notation import default_names
@@ -26,10 +27,9 @@ KEPT_SPLITS = 2**26
 CHUNK = 2**16
 
 
-class Splits(NamedTuple):
-    """Splits (trunk, branch) of trees first … last−1; those of a tree with n nodes begin at start[n] + tree·(n−1)."""
+class _Splits(NamedTuple):
+    """Cuts (trunk, branch) of the first trees; those of a tree with n nodes begin at start[n] + tree·(n−1)."""
 
-    first: int
     last: int
     start: Any
     trunk: Any
@@ -57,7 +57,7 @@ class Nodes(NamedTuple):
     right: Any
 
 
-class TreeTable(Sequence[Tree]):
+class TreeTable(Basis[Tree]):
     """Every rooted tree with 1 … `order` nodes in `colors` colours, sorted and numbered.
 
     The id of a tree is its index in the order by (number of nodes, root colour, left, right), where
@@ -90,14 +90,21 @@ class TreeTable(Sequence[Tree]):
         E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed., section III.1.
     """
 
+    what = "trees"
+    growth = Growth(
+        branches=lambda n, k: (n - 1) // k,  # the branches of one order are disjoint
+        cuts=lambda n: n - 1,
+        products=lambda n: 2**n,  # ordered subtrees
+    )
+
     def __init__(
         self, order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
     ):
         self.max_order, self.colors = counting.check_size(order, colors)
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
+        self.sizes = [sum(row) for row in self._counts[1:]]
         self._trees: dict[int, Tree] = {}
-        self.compiled = machine_code_pays(self.max_order * sum(map(sum, self._counts)))
         self._enumerate()
 
     def _enumerate(self) -> None:
@@ -107,7 +114,6 @@ class TreeTable(Sequence[Tree]):
         for row in self._counts[1:]:
             for count in row:
                 self.block.append(self.block[-1] + count)
-        self.offsets = self.block[::colors]
         size = self.block[-1]
         per_order = [sum(row) for row in self._counts]
         base_start = [0, 0]
@@ -135,58 +141,29 @@ class TreeTable(Sequence[Tree]):
         """The implementation of a kernel for the columns of this table."""
         return kernel.compiled if self.compiled else kernel.py_func
 
-    def column(self, content: int | list[int], dtype: str | None = None) -> Any:
-        """A column of zeros, or of given numbers, as a list, or as an array for compiled kernels."""
-        if not self.compiled:
-            return [0] * content if isinstance(content, int) else content
-        import numpy as np
-
-        if isinstance(content, int):
-            return np.zeros(content, dtype or np.int8)
-        return np.array(content, dtype or np.int64)
-
-    def __len__(self) -> int:
-        return self.block[-1]
-
-    @overload
-    def __getitem__(self, index: int) -> Tree: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Tree]: ...
-    def __getitem__(self, index: int | slice) -> Tree | list[Tree]:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        at = index.__index__()
-        if at < 0:
-            at += len(self)
-        if not 0 <= at < len(self):
-            raise IndexError(f"index must be an id below {len(self)}, but was {index}")
-        return self._tree(at)
-
-    def _tree(self, at: int) -> Tree:
+    def element(self, at: int) -> Tree:
+        """The tree with an id."""
         tree = self._trees.get(at)
         if tree is None:
             color, left = int(self.columns.color[at]), int(self.columns.left[at])
             if left < 0:
                 children = ()
             else:
-                children = (*self._tree(left).children, self._tree(int(self.columns.right[at])))
+                children = (*self.element(left).children, self.element(int(self.columns.right[at])))
             tree = self._trees[at] = Tree.from_sorted(color, children)
         return tree
 
-    def __iter__(self) -> Iterator[Tree]:
-        return map(self._tree, range(len(self)))
-
-    def __contains__(self, tree: object) -> bool:
-        return isinstance(tree, Tree) and self._find(tree) >= 0
-
-    def _find(self, tree: Tree) -> int:
+    def find(self, element: object) -> int:
         """Id of a tree; negative if outside the table."""
+        if not isinstance(element, Tree):
+            return kernels.OUTSIDE
+        tree = element
         if tree.order > self.max_order or tree.color >= self.colors:
             return kernels.OUTSIDE
         _, order, color, _, _, base_start, base = self.columns
         at = tree.color
         for child in tree.children:
-            v = self._find(child)
+            v = self.find(child)
             if v < 0:
                 return v
             at = kernels.product.py_func(at, v, self.max_order, self.colors, self.block, order, color, base_start, base)
@@ -194,22 +171,17 @@ class TreeTable(Sequence[Tree]):
                 return at
         return at
 
-    def index(self, tree: Tree | str) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Id of a tree, or of a tree given as text.
+    def read(self, text: str, names: Sequence[str] | None = None) -> Tree:
+        """The tree that a text stands for."""
+        return Tree(text, names=names)
 
-        Raises:
-            TreeError: The text is not a tree, or the tree is not in the table.
+    def text(self, element: Tree, names: Sequence[str] | None = None) -> str:
+        """The text of a tree."""
+        return element.text(names)
 
-        Example:
-            >>> import bseries as bs
-            >>> bs.TreeTable(3, colors=2).index("p[q,q]")
-            12
-        """
-        tree = tree if isinstance(tree, Tree) else Tree(tree)
-        at = self._find(tree)
-        if at < 0:
-            raise TreeError(f"tree must be one of the {len(self)} trees of the table {self!r}, but was {tree}")
-        return at
+    def truncated(self, order: int) -> TreeTable:
+        """The table of the trees with at most `order` nodes."""
+        return tree_table(order, self.colors, self.limits)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TreeTable) and self._key == other._key
@@ -308,18 +280,6 @@ class TreeTable(Sequence[Tree]):
         """
         return draw(self, ax, columns, labels)
 
-    def ids(self, order: int) -> range:
-        """Ids of the trees with `order` nodes."""
-        n = check_order(order)
-        if n > self.max_order:
-            raise TreeError(f"order must be {self.max_order} or less in this table, but was {n}")
-        return range(self.block[(n - 1) * self.colors], self.block[n * self.colors])
-
-    @property
-    def sizes(self) -> list[int]:
-        """Number of trees with 1, 2, …, `max_order` nodes."""
-        return [sum(row) for row in self._counts[1:]]
-
     @cached_property
     def order(self) -> np.ndarray:
         """Number of nodes of every tree."""
@@ -353,6 +313,17 @@ class TreeTable(Sequence[Tree]):
         return Nodes(*(x if isinstance(x, list) else x.tolist() for x in columns))
 
     @property
+    def orders(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Number of nodes of every tree, as a list."""
+        return self.lists.order
+
+    @property
+    def symmetries(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Symmetry coefficient σ of every tree, as a list."""
+        column = self.symmetry_and_density[0]
+        return column if isinstance(column, list) else column.tolist()
+
+    @property
     def symmetry(self) -> np.ndarray:
         """Symmetry coefficient σ of every tree (Python integers beyond order 20, where int64 overflows)."""
         return self._public(self.symmetry_and_density[0], "int64" if self.max_order <= 20 else "object")
@@ -382,12 +353,16 @@ class TreeTable(Sequence[Tree]):
         run(len(self), order, left, right, symmetry, density, multiplicity)
         return symmetry, density
 
-    @cached_property
-    def splits(self) -> Splits:
-        """The splits of all trees, without the top order if it has too many.
+    def rows(self, at: int) -> list[tuple[int, int, int]]:
+        """The cuts of a tree, one for each of its edges."""
+        tree = self.element(at)
+        n, chunk = tree.order, next(chunk for chunk in self.cut_chunks() if at < chunk.last)
+        first = int(chunk.start[at - chunk.first])
+        return [(int(chunk.trunk[k]), int(chunk.branch[k]), 1) for k in range(first, first + n - 1)]
 
-        Cutting one edge of a tree gives (trunk, branch); a tree with n nodes has n−1 splits, with repetitions.
-        """
+    @cached_property
+    def _splits(self) -> _Splits:
+        """The cuts of all trees, without the top order if it has too many."""
         sizes = self.sizes
         needed = counting.memory_estimate(sizes, self.colors, splits=True)
         counting.refuse_table_beyond_memory(needed, f"the splits of {len(self)} trees")
@@ -400,30 +375,43 @@ class TreeTable(Sequence[Tree]):
             begin += sizes[n - 1] * (n - 1) if n <= keep else 0
         starts = self.column(start)
         trunk, branch = self.column(begin, "uint32"), self.column(begin, "uint32")
-        splits = Splits(0, self.ids(keep).stop, starts, trunk, branch)
+        splits = _Splits(self.ids(keep).stop, starts, trunk, branch)
         for n in range(2, keep + 1):
             self._split(self.ids(n).start, self.ids(n).stop, splits, splits)
         return splits
 
-    def _split(self, first: int, last: int, known: Splits, into: Splits) -> None:
+    def _split(self, first: int, last: int, known: _Splits, into: _Splits) -> None:
         self.run(kernels.split_trees)(
             first, last, self.max_order, self.colors, *self.columns, known.start, known.trunk, known.branch,
             into.start, into.trunk, into.branch, self.column(self.max_order, "int32"),
         )  # fmt: skip
 
-    def split_chunks(self) -> Iterator[Splits]:
-        """The splits of all trees, ids ascending: first the kept ones, then the others in chunks."""
-        kept = self.splits
-        yield kept
-        n = self.max_order
+    def cut_chunks(self) -> Iterator[Cuts]:
+        """The cuts of all trees, ids ascending: first the kept ones, then the others in chunks.
+
+        Cutting one edge of a tree gives trunk and branch: a tree with n nodes has n−1 cuts, with repetitions.
+        """
+        kept, n = self._splits, self.max_order
+        yield Cuts(0, kept.last, self._kept_starts, kept.trunk, kept.branch)
         for first in range(kept.last, len(self), CHUNK):
             last = min(first + CHUNK, len(self))
             start = kept.start.copy()
             start[n] = -first * (n - 1)
             size = (last - first) * (n - 1)
-            chunk = Splits(first, last, start, self.column(size, "uint32"), self.column(size, "uint32"))
+            chunk = _Splits(last, start, self.column(size, "uint32"), self.column(size, "uint32"))
             self._split(first, last, kept, chunk)
-            yield chunk
+            yield Cuts(first, last, self.column(list(range(0, size + 1, n - 1))), chunk.trunk, chunk.branch)
+
+    @cached_property
+    def _kept_starts(self) -> Any:
+        """The first row of every tree whose cuts are kept, and the number of all rows."""
+        if not self.compiled:
+            return [0, *accumulate(n - 1 for n in self.orders[: self._splits.last])]
+        import numpy as np
+
+        starts = np.zeros(self._splits.last + 1, np.int64)
+        np.cumsum(self.order[: self._splits.last] - 1, out=starts[1:])
+        return starts
 
 
 def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], ...]:

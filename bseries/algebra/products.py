@@ -306,16 +306,16 @@ def _substitution(expression: Any, b: Any, a: Any) -> Operation:
     """The operation that gives b ★ a; only rational values need bounds."""
     if not isinstance(b, RationalValues):
         return _operation(expression, (), lambda known: ())
-    orders = range(b.table.max_order + 1)
+    orders = range(b.basis.max_order + 1)
     is_method = isinstance(a, RationalStages)
     skeletons = tuple(a.step**n for n in orders) if is_method else a.denominators
-    flow = a.bound(b.table.max_order) if is_method else a.bound
+    flow = a.bound(b.basis.max_order) if is_method else a.bound
     operation = _operation(
         expression,
         denominators.substituted(skeletons, b.denominators),
         lambda known: bounds.substituted(flow, b.bound),
     )
-    passes = 2 * a.stages.size if is_method else 2 ** (b.table.max_order - 1) // b.table.max_order + 1
+    passes = 2 * a.stages.size if is_method else 2 ** (b.basis.max_order - 1) // b.table.max_order + 1
     return operation._replace(passes=passes)
 
 

@@ -405,16 +405,16 @@ def conjugated(table: TreeTable, field: Array, processor: Array) -> Array:
 
 
 def _cuts(table: TreeTable, width: int) -> Any:
-    """Trees first, …, last − 1 of one order with all their cuts: trunks and branches, a row for each tree."""
+    """Trees first, …, last − 1 of one order with all their n − 1 cuts: trunks and branches, a row for each tree."""
     import numpy as np
 
     step = max(1, LARGEST_ARRAY // width)
-    for splits in table.split_chunks():
-        trunk, branch = (np.asarray(x, np.uint32) for x in splits[3:])
+    for cuts in table.cut_chunks():
+        trunk, branch = (np.asarray(x, np.uint32) for x in (cuts.trunk, cuts.branch))
         for n, (start, end) in enumerate(pairwise(table.offsets), 1):
-            for first in range(max(start, splits.first), min(end, splits.last), step):
-                last = min(first + step, end, splits.last)
-                at = slice(splits.start[n] + first * (n - 1), splits.start[n] + last * (n - 1))
+            for first in range(max(start, cuts.first), min(end, cuts.last), step):
+                last = min(first + step, end, cuts.last)
+                at = slice(cuts.start[first - cuts.first], cuts.start[last - cuts.first])
                 yield first, last, trunk[at].reshape(last - first, n - 1), branch[at].reshape(last - first, n - 1)
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from foundation.kernels import Kernel
 
 if TYPE_CHECKING:
+    from trees.basis import Basis, Cuts
     from trees.table import TreeTable
 
 MOST_TERMS = 30
@@ -53,8 +54,17 @@ class Exact:
         """Order, colour, left and right of every tree, as the kernels expect them."""
         return table.arrays if self.compiled else table.lists
 
+    def orders(self, basis: Basis[Any]) -> Any:
+        """The number of nodes of every element."""
+        return basis.orders
+
+    def cuts(self, cuts: Cuts) -> tuple[Any, Any, Any, Any]:
+        """Where the rows of each element begin, trunks, branches and multiplicities, as the kernels expect them."""
+        start, trunk, branch = self.ids(cuts[2:5])
+        return start, trunk, branch, self.indices([] if cuts.multiplicity is None else cuts.multiplicity)
+
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
-        """Columns of ids, such as splits and partitions, as the kernels expect them."""
+        """Columns of ids, such as cuts and partitions, as the kernels expect them."""
         return tuple(x if isinstance(x, list) else x.tolist() for x in columns)
 
     def number(self, value: Any) -> Any:
@@ -106,6 +116,10 @@ class Compiled(Exact):
         import numpy as np
 
         return np.array(numbers, np.int64)
+
+    def orders(self, basis: Basis[Any]) -> Any:
+        """The number of nodes of every element, as an unsigned array, which kernels index without testing the sign."""
+        return basis.order.view("u1")
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays: where each tree begins, then ids, of the types in compiled tables."""

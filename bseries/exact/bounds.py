@@ -1,8 +1,8 @@
 """Bounds on the coefficients of a series by number of nodes alone, for proofs that an integer is known from residues.
 
-A bound is a list of integers, entry n a bound on 2^FINE · |value| at all trees with n nodes (entry 0 is that of the
-empty tree, or unused). All are sums and products of bounds, rounded up, and cost a few hundred operations, whatever the
-number of trees.
+A bound is a list of integers, entry n a bound on 2^FINE · |value| at all elements with n nodes (entry 0 is that of the
+empty one, or unused). How many terms a sum has is the basis' own statement (`trees.basis.Growth`). All are sums and
+products of bounds, rounded up, and cost a few hundred operations, whatever the number of elements.
 """
 
 from __future__ import annotations
@@ -11,6 +11,10 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trees.basis import Growth
 
 FINE = 32
 ONE = 1 << FINE
@@ -50,14 +54,14 @@ def sum_of_powers(weights: Sequence[Sequence[Fraction]], first: Fraction, factor
 
 
 @lru_cache(maxsize=256)
-def logarithm(flow: Bound, known: Bound = (ONE,)) -> Bound:
+def logarithm(growth: Growth, flow: Bound, known: Bound = (ONE,)) -> Bound:
     """b = log a, which is a − Σ_{j≥2} ∂_b^{j−1} b / j!; `known` bounds |b| at the smallest trees more sharply.
 
     The bound is large without what is known, and close to the largest value with it.
     """
     field, derivatives = list(known), [[0]]
     for n in range(1, len(flow)):
-        total = flow[n] + _longer(derivatives, field, n)
+        total = flow[n] + _longer(growth, derivatives, field, n)
         if n == len(field):
             field.append(total)
         derivatives[0].append(field[n])
@@ -65,42 +69,43 @@ def logarithm(flow: Bound, known: Bound = (ONE,)) -> Bound:
 
 
 @lru_cache(maxsize=256)
-def exponential(field: Bound) -> Bound:
+def exponential(growth: Growth, field: Bound) -> Bound:
     """exp b = Σ_j ∂_b^{j−1} b / j!."""
     derivatives, found = [[0]], [ONE]
     for n in range(1, len(field)):
-        found.append(field[n] + _longer(derivatives, field, n))
+        found.append(field[n] + _longer(growth, derivatives, field, n))
         derivatives[0].append(field[n])
     return tuple(found)
 
 
-def _longer(derivatives: list[list[int]], field: Sequence[int], n: int) -> int:
+def _longer(growth: Growth, derivatives: list[list[int]], field: Sequence[int], n: int) -> int:
     """Σ_{j≥2} ∂_b^{j−1} b / j! at n nodes, whose terms are added to the derivatives for j = 1, 2, …"""
     total = 0
     for j in range(2, n + 1):
         if len(derivatives) < j:
             derivatives.append([0] * n)
-        derivatives[j - 1].append(derivative(field, derivatives[j - 2], n))
+        derivatives[j - 1].append(derivative(growth, field, derivatives[j - 2], n))
         total += derivatives[j - 1][n] // math.factorial(j) + 1
     return total
 
 
-def derivative(b: Sequence[int], c: Sequence[int], n: int) -> int:
-    """Σ c(trunk) b(branch) over the n−1 branches of a tree with n nodes, of which at most (n−1)/k have k nodes."""
-    total, left = 0, n - 1
+def derivative(growth: Growth, b: Sequence[int], c: Sequence[int], n: int) -> int:
+    """Σ c(trunk) b(branch) over the cuts of an element with n nodes, the largest products as often as there may be."""
+    total, left = 0, growth.cuts(n)
     for product, k in sorted(((c[n - k] * b[k], k) for k in range(1, n)), reverse=True):
-        taken = min(left, (n - 1) // k)
+        taken = min(left, growth.branches(n, k))
         total, left = total + taken * product, left - taken
     return (total >> FINE) + 1
 
 
 @lru_cache(maxsize=256)
-def composition(a: Bound, c: Bound) -> Bound:
-    """First a, then c: at most 2^n ordered subtrees, each with a product of c at the subtree and a at the branches."""
+def composition(growth: Growth, a: Bound, c: Bound) -> Bound:
+    """First a, then c: products of c at what remains and of a at the branches that are cut off."""
     products = [ONE]  # the largest of products of a, by number of nodes
     for n in range(1, len(a)):
         products.append(max((a[k] * products[n - k] >> FINE) + 1 for k in range(1, n + 1)))
-    return tuple(max(c[m] * products[n - m] >> FINE for m in range(n + 1)) + 1 << n for n in range(len(a)))
+    largest = (max(c[m] * products[n - m] >> FINE for m in range(n + 1)) + 1 for n in range(len(a)))
+    return tuple(x * growth.products(n) for n, x in enumerate(largest))
 
 
 def substitution(skeletons: Bound, parts: Sequence[int], n: int, fewest: int = 1) -> int:

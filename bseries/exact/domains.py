@@ -40,7 +40,7 @@ from foundation.lowering.flat_kernels import machine_code_pays
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
 from integrators.exact.polynomials import to_flint
-from trees.table import TreeTable
+from trees.basis import Basis
 
 if TYPE_CHECKING:
     import sympy
@@ -97,7 +97,7 @@ class FloatValues(Values):
         """The coefficients themselves."""
         return self.coefficients()
 
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
+    def load(self, basis: Basis, arithmetic: Exact, *, field: bool) -> Any:
         """The values as a vector of their own: recursions write into it."""
         if not arithmetic.compiled:
             return self.coefficients()
@@ -111,8 +111,8 @@ class RingValues(Values):
 
     kind = "ring"
 
-    def __init__(self, table: TreeTable, ring: Any, elements: Sequence[Any], step: Any):
-        super().__init__(table, elements)
+    def __init__(self, basis: Basis, ring: Any, elements: Sequence[Any], step: Any):
+        super().__init__(basis, elements)
         self.ring, self.step = ring, step
 
     @property
@@ -121,12 +121,12 @@ class RingValues(Values):
         return str(self.ring if self.step == self.ring.one else self.ring.get_field())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return make_values, (self.table, self.coefficients())
+        return make_values, (self.basis, self.coefficients())
 
     def __getitem__(self, at: int) -> Fraction | sympy.Expr:
         import sympy
 
-        element, nodes = self.raw[at], self.table.columns.order[at]
+        element, nodes = self.raw[at], self.basis.order_of(at)
         if self.step == self.ring.one:
             value = self.ring.to_sympy(element)
         else:
@@ -139,9 +139,9 @@ class RingValues(Values):
         """Whether a coefficient is the same in values over the same ring and denominator."""
         return bool(self.raw[at] == other.raw[at])
 
-    def truncated(self, table: TreeTable) -> RingValues:
+    def truncated(self, basis: Basis) -> RingValues:
         """The coefficients of the first trees."""
-        return RingValues(table, self.ring, self.raw[: len(table)], self.step)
+        return RingValues(basis, self.ring, self.raw[: len(basis)], self.step)
 
     @property
     def reduced(self) -> RingValues:
@@ -152,9 +152,9 @@ class RingValues(Values):
             return self
         elements = [
             converted(x, self.ring, field) / step ** int(n)
-            for x, n in zip(self.raw, self.table.columns.order, strict=True)
+            for x, n in zip(self.raw, self.basis.orders, strict=True)
         ]
-        return RingValues(self.table, field, elements, field.one)
+        return RingValues(self.basis, field, elements, field.one)
 
     def in_ring(self, ring: Any, step: Any) -> RingValues:
         """The same coefficients in a larger ring, over a multiple of the common denominator."""
@@ -163,9 +163,9 @@ class RingValues(Values):
         ratio = ring.exquo(step, converted(self.step, self.ring, ring))
         elements = [
             converted(element, self.ring, ring) * ratio ** int(nodes)
-            for element, nodes in zip(self.raw, self.table.columns.order, strict=True)
+            for element, nodes in zip(self.raw, self.basis.orders, strict=True)
         ]
-        return RingValues(self.table, ring, elements, step)
+        return RingValues(self.basis, ring, elements, step)
 
 
 def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
@@ -255,15 +255,15 @@ def narrowest(numbers: Sequence[Any]) -> tuple[str, list[Any], Any, Any]:
     return "float", [to_float(number) for number in numbers], None, None
 
 
-def make_values(table: TreeTable, numbers: Iterable[object]) -> Values:
+def make_values(basis: Basis, numbers: Iterable[object]) -> Values:
     """Values from one number for each tree, in the narrowest domain that holds them all."""
     kind, entries, ring, step = narrowest([exact_number(number) for number in numbers])
     if kind == "float":
-        return FloatValues(table, entries)
+        return FloatValues(basis, entries)
     if kind == "rational":
-        return RationalValues.from_fractions(table, entries)
-    elements = [x * step ** (int(n) - 1) for x, n in zip(entries, table.columns.order, strict=True)]
-    return RingValues(table, ring, elements, step)
+        return RationalValues.from_fractions(basis, entries)
+    elements = [x * step ** (int(n) - 1) for x, n in zip(entries, basis.orders, strict=True)]
+    return RingValues(basis, ring, elements, step)
 
 
 def to_float(number: Any) -> float:
@@ -280,7 +280,7 @@ def as_floats(values: Values) -> FloatValues:
     """The nearest floats."""
     if isinstance(values, FloatValues):
         return values
-    return FloatValues(values.table, [to_float(number) for number in values.coefficients()])
+    return FloatValues(values.basis, [to_float(number) for number in values.coefficients()])
 
 
 def alike(operands: Sequence[Values]) -> list[Any]:
@@ -306,33 +306,33 @@ def as_ring(values: Any) -> RingValues:
     if isinstance(values, RingValues):
         return values
     elements = [QQ(x.numerator, x.denominator) for x in values.coefficients()]
-    return RingValues(values.table, QQ, elements, QQ.one)
+    return RingValues(values.basis, QQ, elements, QQ.one)
 
 
-def apply(table: TreeTable, operands: Sequence[Any], operation: Operation) -> Values:
+def apply(basis: Basis, operands: Sequence[Any], operation: Operation) -> Values:
     """Apply an operation to operands of one domain: the stages of a method, or `Values` made `alike`."""
     first = operands[0]
     if first.kind == "rational":
-        return rational_series.evaluate(table, operands, operation)
-    pays = first.kind == "float" and machine_code_pays(rational_series.work(table, operation))
+        return rational_series.evaluate(basis, operands, operation)
+    pays = first.kind == "float" and machine_code_pays(rational_series.work(basis, operation))
     arithmetic = floats() if pays else interpreted(first)
-    raw = operation.expression(arithmetic, *(partial(operand.load, table, arithmetic) for operand in operands))
+    raw = operation.expression(arithmetic, *(partial(operand.load, basis, arithmetic) for operand in operands))
     if first.kind == "float":
-        return float_values(table, raw)
-    return narrowed(RingValues(table, first.ring, list(map(arithmetic.element, raw)), first.step))
+        return float_values(basis, raw)
+    return narrowed(RingValues(basis, first.ring, list(map(arithmetic.element, raw)), first.step))
 
 
-def float_values(table: TreeTable, raw: Any) -> FloatValues:
+def float_values(basis: Basis, raw: Any) -> FloatValues:
     """Values in floats, a list or an array, which must be finite."""
     if not all(map(math.isfinite, raw if isinstance(raw, list) else [abs(raw).max()])):
         raise SeriesError("coefficients must stay within the range of floats, but some overflowed")
-    return FloatValues(table, raw)
+    return FloatValues(basis, raw)
 
 
 def narrowed(values: RingValues) -> Values:
     """The values as rational numbers if all are."""
-    is_rational = all(isinstance(values[at], Fraction) for at in range(len(values.table)))
-    return RationalValues.from_fractions(values.table, values.coefficients()) if is_rational else values
+    is_rational = all(isinstance(values[at], Fraction) for at in range(len(values.basis)))
+    return RationalValues.from_fractions(values.basis, values.coefficients()) if is_rational else values
 
 
 def interpreted(operand: Any) -> Exact:

@@ -7,7 +7,7 @@ reduction.
 
 from __future__ import annotations
 
-from bseries.exact.power_kernels import add_multiple, reduce_range
+from bseries.exact.power_kernels import FEW, add_multiple, reduce_range
 from foundation.lowering.flat_kernels import flat_kernel
 
 
@@ -42,32 +42,33 @@ def add_weighted(terms, at, weights, tails, has_tails, first, count, total, to):
 
 @flat_kernel
 def lie_series(
-    first, last, order, start, trunk, branch, width, top, solve, sparse, field, base, has_base, empty, weights, tails,
-    has_tails, modulus, rows, result, terms,
+    first, last, order, start, trunk, branch, multiplicity, is_weighted, width, top, solve, sparse, field, base,
+    has_base, empty, weights, tails, has_tails, modulus, rows, result, terms,
 ):  # fmt: skip
-    """Σ_j weights[j] · ∂_b^j c for the trees first … last−1, or the b for which that sum is given.
+    """Σ_j weights[j] · ∂_b^j c for the elements first … last−1 of a basis, or the b for which that sum is given.
 
-    The Lie derivative of c along the field b (HLW, Lemma IX.9.1):
+    The Lie derivative of c along the field b (for rooted trees HLW, Lemma IX.9.1):
 
-        (∂_b c)(τ) = c(∅) b(τ) + Σ_{splits of τ} c(trunk) b(branch).
+        (∂_b c)(τ) = c(∅) b(τ) + Σ_{cuts of τ} multiplicity · c(trunk) b(branch).
 
     Args:
-        first, last: Range of ids; smaller trees are done.
-        order: Number of nodes of every tree.
-        start, trunk, branch: Splits, as `trees.table.Splits` describes them.
+        first, last: Range of ids; smaller elements are done.
+        order: Number of nodes of every element.
+        start, trunk, branch, multiplicity: Cuts, as `trees.basis.Cuts` describes them.
+        is_weighted: Whether there are multiplicities.
         width: Length of a row.
         top: Rows are kept for ids below this one.
         solve: If true, c is the identity (c(∅) = 1, else 0), `result` is given and `field` is solved for: the sum
             begins with b itself, and the factors of the other derivatives are negated.
-        sparse: Whether b vanishes at most trees, so that testing for zero pays.
-        field: b at every tree; read, or written when solving.
-        base, has_base, empty: c at every tree (without: zero) and, as a vector of one number, at ∅.
+        sparse: Whether b vanishes at most elements, so that testing for zero pays.
+        field: b at every element; read, or written when solving.
+        base, has_base, empty: c at every element (without: zero) and, as a vector of one number, at ∅.
         weights, tails, has_tails: Factor of the j-th derivative, j = 0 … n (see `add_weighted`; the first two have no
             tails).
         modulus: 0, or the prime.
-        rows: For each tree a row of ∂_b^j c, from j = 0 (from j = 1 without `base`), with zeros after j = n.
+        rows: For each element a row of ∂_b^j c, from j = 0 (from j = 1 without `base`), with zeros after j = n.
         result: Output, or the given sum.
-        terms: Scratch of `width` entries.
+        terms: Scratch of one more than `width` entries.
     """
     shift = 1 if has_base else 0
     inverse = 1.0 / modulus if modulus else 0.0
@@ -75,10 +76,18 @@ def lie_series(
         n = order[tree]
         for j in range(width):
             terms[j] = 0
-        splits = start[n] + tree * (n - 1)
-        for k in range(splits, splits + n - 1):
-            if not sparse or field[branch[k]] != 0:
-                add_multiple(field[branch[k]], rows, trunk[k] * width, width, terms, 0)
+        begin = start[tree - first]
+        for k in range(begin, start[tree - first + 1]):
+            factor = field[branch[k]]
+            if is_weighted:
+                terms[width] = factor * multiplicity[k]
+                if modulus:
+                    reduce_range(terms, width, width + 1, modulus, inverse)
+                factor = terms[width]
+            if not sparse or factor != 0:
+                add_multiple(factor, rows, trunk[k] * width, width, terms, 0)
+            if modulus and (k - begin) % FEW == FEW - 1:
+                reduce_range(terms, 0, width, modulus, inverse)
         if modulus:
             reduce_range(terms, 0, width, modulus, inverse)
         # Now terms[j] = ∂_b^(j+2−shift) c at the tree; for j = 0 with a base still without c(∅) b(τ).
@@ -122,7 +131,8 @@ def substitute_in_stages(
     of log Y_i need smaller trees only, so one sweep over the trees suffices; the result is Σ_i b_i k_i.
 
     Args:
-        first, last, order, color, start, trunk, branch, width, top, modulus, has_tails: As for `lie_series`.
+        first, last, order, color, start, trunk, branch, width, top, modulus, has_tails: As for `lie_series`; the cuts
+            have no multiplicities.
         blocks, ends, relation, row_start, row_column, a, b: As for `sum_of_powers`.
         live: For each block the index of its first component among those of stages with Y_i ≠ y; `moved` for stages
             with Y_i = y, where k is b itself.
@@ -144,7 +154,6 @@ def substitute_in_stages(
     for tree in range(first, last):
         n = order[tree]
         paint = color[tree] * size
-        splits = start[n] + tree * (n - 1)
         for i in range(size):
             value[i] = 0
             inner[i] = 0
@@ -154,8 +163,8 @@ def substitute_in_stages(
             place = live[e]
             if place < moved:
                 differentiate(
-                    splits, splits + n - 1, trunk, branch, width, moved, place, length, degrees[e], relation, at,
-                    modulus, inverse, rows, logs, generators, terms, log_terms,
+                    start[tree - first], start[tree - first + 1], trunk, branch, width, moved, place, length,
+                    degrees[e], relation, at, modulus, inverse, rows, logs, generators, terms, log_terms,
                 )  # fmt: skip
                 for x in range(length):
                     add_weighted(log_terms, x * width, negated, negated_tails, has_tails, 2, n - 1, inner, at + x)
@@ -216,7 +225,7 @@ def differentiate(
     first, last, trunk, branch, width, moved, place, size, many, relation, at, modulus, inverse, rows, logs, generators,
     terms, log_terms,
 ):  # fmt: skip
-    """∂_ℓ^(j+1) b and ∂_ℓ^(j+2) id for the stages of one block, on the tree whose splits are first … last−1.
+    """∂_ℓ^(j+1) b and ∂_ℓ^(j+2) id for the stages of one block, on the tree whose cuts are first … last−1.
 
     The block has `size` components, from index `place` among the live ones and from `at` among all; a product has
     `many` coefficients. `terms` and `log_terms` receive the result, `width` entries for each component.

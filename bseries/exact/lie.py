@@ -28,39 +28,40 @@ def logarithm(a: Values) -> Values:
     """The field whose exact flow is a."""
     (flow,) = _bounds(a)
     operation = Operation(
-        lambda arithmetic, target: recursions.logarithm(target(field=True), a.table, arithmetic),
-        lambda known: bounds.logarithm(flow, known),
+        lambda arithmetic, target: recursions.logarithm(target(field=True), a.basis, arithmetic),
+        lambda known: bounds.logarithm(a.basis.growth, flow, known),
         of_logarithm,
         wider_step,
         field=True,
     )
-    return apply(a.table, [a], operation)
+    return apply(a.basis, [a], operation)
 
 
 def exponential(b: Values) -> Values:
     """The exact flow of a field."""
     (field,) = _bounds(b)
     operation = Operation(
-        lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, b.table, arithmetic),
-        lambda known: bounds.exponential(field),
+        lambda arithmetic, field: recursions.lie_series(field(field=True), None, 1, b.basis, arithmetic),
+        lambda known: bounds.exponential(b.basis.growth, field),
         lambda n, step: math.factorial(n) * step**n,
         wider_step,
     )
-    return apply(b.table, [b], operation)
+    return apply(b.basis, [b], operation)
 
 
 def power(a: Values, s: Fraction) -> Values:
     """a^s = exp(s log a)."""
-    factor = power_unit(a.table.max_order, s)
+    factor = power_unit(a.basis.max_order, s)
     (flow,) = _bounds(a)
 
     def expression(arithmetic: Any, first: Any) -> Any:
-        field = recursions.logarithm(first(field=True), a.table, arithmetic)
-        return recursions.lie_series(field, None, 1, a.table, arithmetic, s)
+        field = recursions.logarithm(first(field=True), a.basis, arithmetic)
+        return recursions.lie_series(field, None, 1, a.basis, arithmetic, s)
 
     def bound(known: Bound) -> Bound:
-        field = bounds.logarithm(flow)
-        return bounds.exponential((field[0], *(bounds.scaled(abs(s) * Fraction(x, bounds.ONE)) for x in field[1:])))
+        first, *others = bounds.logarithm(a.basis.growth, flow)
+        scaled = (bounds.scaled(abs(s) * Fraction(x, bounds.ONE)) for x in others)
+        return bounds.exponential(a.basis.growth, (first, *scaled))
 
     operation = Operation(
         expression,
@@ -70,7 +71,7 @@ def power(a: Values, s: Fraction) -> Values:
         units=s.denominator,
         passes=2,
     )
-    return apply(a.table, [a], operation)
+    return apply(a.basis, [a], operation)
 
 
 def composition(a: Values, c: Values, empty: int) -> Values:
@@ -79,13 +80,13 @@ def composition(a: Values, c: Values, empty: int) -> Values:
     flow, other = _bounds(a, c)
 
     def expression(arithmetic: Any, first: Any, second: Any) -> Any:
-        field = recursions.logarithm(first(field=True), a.table, arithmetic)
-        return recursions.lie_series(field, second(field=False), empty, a.table, arithmetic)
+        field = recursions.logarithm(first(field=True), a.basis, arithmetic)
+        return recursions.lie_series(field, second(field=False), empty, a.basis, arithmetic)
 
     operation = Operation(
-        expression, lambda known: bounds.composition(flow, (empty * bounds.ONE, *other[1:])), passes=2
+        expression, lambda known: bounds.composition(a.basis.growth, flow, (empty * bounds.ONE, *other[1:])), passes=2
     )
-    return apply(a.table, [a, c], operation)
+    return apply(a.basis, [a, c], operation)
 
 
 def derivative(b: Values, c: Values, empty: int) -> Values:
@@ -94,10 +95,11 @@ def derivative(b: Values, c: Values, empty: int) -> Values:
     field, base = _bounds(b, c)
 
     def expression(arithmetic: Any, field: Any, base: Any) -> Any:
-        once = arithmetic.factors([0, 1] + [0] * b.table.max_order)
-        return recursions.lie_series(field(field=True), base(field=False), empty, b.table, arithmetic, weights=once)
+        once = arithmetic.factors([0, 1] + [0] * b.basis.max_order)
+        return recursions.lie_series(field(field=True), base(field=False), empty, b.basis, arithmetic, weights=once)
 
     def bound(known: Bound) -> Bound:
-        return (0, *(empty * field[n] + bounds.derivative(field, base, n) for n in range(1, len(field))))
+        growth, orders = b.basis.growth, range(1, len(field))
+        return (0, *(empty * field[n] + bounds.derivative(growth, field, base, n) for n in orders))
 
-    return apply(b.table, [b, c], Operation(expression, bound, field=True))
+    return apply(b.basis, [b, c], Operation(expression, bound, field=True))

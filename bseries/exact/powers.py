@@ -32,11 +32,11 @@ from bseries.exact.denominators import power_unit, primorial
 from bseries.exact.rationals import RationalValues
 from bseries.exact.residues import WORD, exact_integers
 from foundation.lowering.flat_kernels import machine_code_pays
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     from bseries.exact.recursions import Stages
     from bseries.exact.residues import Words
-    from trees.table import TreeTable
 
     Rows = tuple[tuple[int, ...], ...]
 
@@ -154,7 +154,8 @@ def _bits(
     """Numbers of bits of the numerators for n = 1, 2, … nodes; `largest` are the largest of the first orders."""
     order = len(common) - 1
     if weights == logarithm(order):
-        bound = bounds.logarithm(bounds.geometric(order, *sums), bounds.of_numerators(largest, common))
+        known = bounds.of_numerators(largest, common)
+        bound = bounds.logarithm(TreeTable.growth, bounds.geometric(order, *sums), known)
     else:
         bound = bounds.sum_of_powers(weights.values, *sums)
     return bounds.numerator_bits(bound, common)

@@ -30,11 +30,11 @@ from foundation.lowering.flat_kernels import machine_code_pays
 
 if TYPE_CHECKING:
     from bseries.exact.residues import Words
-    from trees.table import TreeTable
+    from trees.basis import Basis
 
 
 class Values:
-    """The coefficients of all trees of a table, in one domain.
+    """The coefficients of all trees of a basis, in one domain.
 
     Attributes:
         kind: The domain: ``rational``, ``ring`` or ``float``.
@@ -45,8 +45,8 @@ class Values:
     kind: str
     name: Any
 
-    def __init__(self, table: TreeTable, raw: Any):
-        self.table, self.raw = table, raw
+    def __init__(self, basis: Basis, raw: Any):
+        self.basis, self.raw = basis, raw
 
     def __getitem__(self, at: int) -> Any:
         return self.raw[at]
@@ -63,9 +63,9 @@ class Values:
         """Whether other values, made `alike`, have the same coefficient of a tree."""
         return bool(self[at] == other[at])
 
-    def truncated(self, table: TreeTable) -> Any:
-        """The coefficients of the trees of a smaller table, the first of the own one."""
-        return type(self)(table, self.raw[: len(table)])
+    def truncated(self, basis: Basis) -> Any:
+        """The coefficients of the trees of a smaller basis, the first of the own one."""
+        return type(self)(basis, self.raw[: len(basis)])
 
     @property
     def reduced(self) -> Any:
@@ -76,16 +76,16 @@ class Values:
         """The coefficients times a factor for each number of nodes n; for a flow L^n, as products of values have it."""
         return list(self.raw)
 
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
-        """The values as a raw vector of an arithmetic, scaled as a field or a flow; `table` is that of the values."""
+    def load(self, basis: Basis, arithmetic: Exact, *, field: bool) -> Any:
+        """The values as a raw vector of an arithmetic, scaled as a field or a flow; `basis` is that of the values."""
         return arithmetic.vector(self.raw)
 
 
 class RationalValues(Values):
-    """Rational coefficients of all trees of a table.
+    """Rational coefficients of all trees of a basis.
 
     Args:
-        table: The trees.
+        basis: The trees.
         numerators: One integer for each tree: an int64 array or a list.
         denominators: Entry n belongs to the trees with n nodes.
         step: Some L such that L^n times a value is an integer.
@@ -95,8 +95,8 @@ class RationalValues(Values):
     name = "QQ"
     terms = 1
 
-    def __init__(self, table: TreeTable, numerators: Any, denominators: Sequence[int], step: int):
-        super().__init__(table, numerators)
+    def __init__(self, basis: Basis, numerators: Any, denominators: Sequence[int], step: int):
+        super().__init__(basis, numerators)
         self.denominators = tuple(denominators)
         self._step = step
 
@@ -106,19 +106,19 @@ class RationalValues(Values):
         return smallest_step(self.denominators, self._step)
 
     @classmethod
-    def from_fractions(cls, table: TreeTable, values: Sequence[Fraction | int]) -> RationalValues:
+    def from_fractions(cls, basis: Basis, values: Sequence[Fraction | int]) -> RationalValues:
         """Values from one number for each tree."""
         denominators, numerators, step = [1], [], 1
-        for n in range(1, table.max_order + 1):
-            part = [Fraction(values[i]) for i in table.ids(n)]
+        for n in range(1, basis.max_order + 1):
+            part = [Fraction(values[i]) for i in basis.ids(n)]
             common = math.lcm(*(value.denominator for value in part))
             denominators.append(common)
             numerators += [value.numerator * (common // value.denominator) for value in part]
             step = math.lcm(step, common)
-        return cls(table, numerators, denominators, step)
+        return cls(basis, numerators, denominators, step)
 
     def __getitem__(self, at: int) -> Fraction:
-        return Fraction(int(self.raw[at]), self.denominators[self.table.columns.order[at]])
+        return Fraction(int(self.raw[at]), self.denominators[self.basis.order_of(at)])
 
     @property
     def reduced(self) -> RationalValues:
@@ -128,48 +128,48 @@ class RationalValues(Values):
     @cached_property
     def _reduced(self) -> RationalValues:
         numerators, denominators = self.raw.copy(), [1]
-        for n, (first, last) in enumerate(pairwise(self.table.offsets), 1):
+        for n, (first, last) in enumerate(pairwise(self.basis.offsets), 1):
             part: Any = self.raw[first:last]  # a list beyond int64
             common = math.gcd(self.denominators[n], *(part if isinstance(part, list) else part.tolist()))
             if common >= 2**63 and not isinstance(part, list):  # all are 0 or −2^63
                 part = part.tolist()
             numerators[first:last] = [x // common for x in part] if isinstance(part, list) else part // common
             denominators.append(self.denominators[n] // common)
-        return RationalValues(self.table, numerators, denominators, math.lcm(*denominators))
+        return RationalValues(self.basis, numerators, denominators, math.lcm(*denominators))
 
     def coefficients(self) -> list[Fraction]:
         """All coefficients."""
         values = []
-        for n in range(1, self.table.max_order + 1):
-            common, ids = self.denominators[n], self.table.ids(n)
+        for n in range(1, self.basis.max_order + 1):
+            common, ids = self.denominators[n], self.basis.ids(n)
             part = self.raw[ids.start : ids.stop]
             values += [Fraction(x, common) for x in (part if isinstance(part, list) else part.tolist())]
         return values
 
-    def truncated(self, table: TreeTable) -> RationalValues:
+    def truncated(self, basis: Basis) -> RationalValues:
         """The coefficients of the first trees."""
-        return RationalValues(table, self.raw[: len(table)], self.denominators[: table.max_order + 1], self.step)
+        return RationalValues(basis, self.raw[: len(basis)], self.denominators[: basis.max_order + 1], self.step)
 
     def homogeneous(self, *, flow: bool) -> Any:
         """The numerators, for a flow over the denominators L^n."""
         factors = [self.step**n // d if flow else 1 for n, d in enumerate(self.denominators)]
         if max(factors) == 1:
             return self.raw
-        return [int(x) * factors[n] for n, x in zip(self.table.lists.order, self.raw, strict=True)]
+        return [int(x) * factors[n] for n, x in zip(self.basis.orders, self.raw, strict=True)]
 
     @cached_property
     def bound(self) -> Bound:
         """The largest absolute values, by number of nodes."""
-        largest = [largest_size(self.raw[first:last]) for first, last in pairwise(self.table.offsets)]
+        largest = [largest_size(self.raw[first:last]) for first, last in pairwise(self.basis.offsets)]
         return bounds.of_numerators(largest, self.denominators)
 
-    def load(self, table: TreeTable, arithmetic: Exact, *, field: bool) -> Any:
-        """The values as a raw vector of an arithmetic; `table` is that of these values."""
+    def load(self, basis: Basis, arithmetic: Exact, *, field: bool) -> Any:
+        """The values as a raw vector of an arithmetic; `basis` is that of these values."""
         if not isinstance(arithmetic, Wrapped | Prime):
             return arithmetic.vector(self.coefficients())
         import numpy as np
 
-        factors = _inverses(self.denominators, arithmetic, field)[table.order]
+        factors = _inverses(self.denominators, arithmetic, field)[basis.order]
         if isinstance(arithmetic, Prime):
             raw = np.asarray(self.raw, object if isinstance(self.raw, list) else None)
             return _balanced((raw % arithmetic.prime).astype(np.int64) * factors, arithmetic.prime)
@@ -206,28 +206,28 @@ class Operation(NamedTuple):
     passes: int = 1  # about how many recursions over all trees the operation takes
 
 
-def work(table: TreeTable, operation: Operation) -> int:
+def work(basis: Basis, operation: Operation) -> int:
     """About the number of products that an operation computes."""
-    return table.max_order**2 * len(table) * operation.passes // 2
+    return basis.max_order**2 * len(basis) * operation.passes // 2
 
 
-def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> RationalValues:
+def evaluate(basis: Basis, sources: Sequence[Any], operation: Operation) -> RationalValues:
     """Exact values of an operation on rational sources, the stages of a method or series.
 
     A source has a `step` L, for which values at trees with n nodes become integers when multiplied by L^n, and `load`,
     as in `Values`.
     """
     common = math.lcm(*(source.step for source in sources))
-    denominators = (1, *(operation.denominator(n, common) for n in range(1, table.max_order + 1)))
-    step = operation.step(table.max_order, common)
+    denominators = (1, *(operation.denominator(n, common) for n in range(1, basis.max_order + 1)))
+    step = operation.step(basis.max_order, common)
 
     def run(arithmetic: Exact) -> Any:
-        return operation.expression(arithmetic, *(partial(source.load, table, arithmetic) for source in sources))
+        return operation.expression(arithmetic, *(partial(source.load, basis, arithmetic) for source in sources))
 
-    if table.max_order > MOST_TERMS or not machine_code_pays(work(table, operation)):
-        values = run(arithmetics.rationals(len(table)))
-        scaled = [value * denominators[n] for n, value in zip(table.columns.order, values, strict=True)]
-        return RationalValues(table, list(map(whole, scaled)), denominators, step)
+    if basis.max_order > MOST_TERMS or not machine_code_pays(work(basis, operation)):
+        values = run(arithmetics.rationals(len(basis)))
+        scaled = [value * denominators[n] for n, value in zip(basis.orders, values, strict=True)]
+        return RationalValues(basis, list(map(whole, scaled)), denominators, step)
     words: Any = None
     scaling: Scaling | None = None
     if operation.units % 2:
@@ -237,17 +237,17 @@ def evaluate(table: TreeTable, sources: Sequence[Any], operation: Operation) -> 
 
     def residues(prime: int) -> Words:
         if prime:
-            return _prime_numerators(table, run(arithmetics.prime_field(prime)), denominators, prime)
-        return _word_numerators(table, run(words), scaling)
+            return _prime_numerators(basis, run(arithmetics.prime_field(prime)), denominators, prime)
+        return _word_numerators(basis, run(words), scaling)
 
     def bits_of(largest: Sequence[int]) -> list[int]:
         return bounds.numerator_bits(operation.bound(bounds.of_numerators(largest, denominators)), denominators)
 
     numerators = exact_integers(
-        residues, table.offsets, bits_of, [d.bit_length() for d in denominators[1:]],
+        residues, basis.offsets, bits_of, [d.bit_length() for d in denominators[1:]],
         lost=None if scaling is None else scaling.excess, avoid=common * operation.units * operation.avoid,
     )  # fmt: skip
-    return RationalValues(table, numerators, denominators, step)
+    return RationalValues(basis, numerators, denominators, step)
 
 
 class Scaling(NamedTuple):
@@ -269,17 +269,17 @@ def _scaling(integers: Wrapped, denominators: tuple[int, ...], field: bool) -> S
     return Scaling(sharp, excess, np.array([integers.number(d >> twos(d)) for d in sharp]), np.array([0, *excess]))
 
 
-def _word_numerators(table: TreeTable, values: Words, scaling: Any) -> Words:
-    values *= scaling.odd[table.order]
-    values >>= scaling.shift[table.order]
+def _word_numerators(basis: Basis, values: Words, scaling: Any) -> Words:
+    values *= scaling.odd[basis.order]
+    values >>= scaling.shift[basis.order]
     return values
 
 
-def _prime_numerators(table: TreeTable, values: Words, denominators: Sequence[int], prime: int) -> Words:
+def _prime_numerators(basis: Basis, values: Words, denominators: Sequence[int], prime: int) -> Words:
     import numpy as np
 
     factors = np.array([d % prime for d in denominators])
-    return _balanced(values * factors[table.order], prime)
+    return _balanced(values * factors[basis.order], prime)
 
 
 def _balanced(values: Words, prime: int) -> Words:

@@ -1,7 +1,7 @@
-"""Recursions over a table of trees, in any arithmetic: powers of a method, logarithm, Lie series, substitution.
+"""Recursions over a basis: logarithm and Lie series; over rooted trees also powers of methods, and substitution.
 
-Arguments and results are raw vectors of an arithmetic, one number per tree; `bseries.exact.domains` turns them into
-coefficients.
+Arguments and results are raw vectors of an arithmetic, one number for each element; `bseries.exact.domains` turns them
+into coefficients.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 from bseries.exact import kernels, power_kernels
 from bseries.exact.arithmetic import Exact, factorial_weights, rationals
 from bseries.exact.residues import LARGE, threads
+from trees.basis import Basis
 from trees.table import TreeTable, partitions_of
 
 
@@ -150,46 +151,47 @@ def _weights(rows: tuple[tuple[int, ...], ...], arithmetic: Exact) -> tuple[int,
     return steps, arithmetic.vector(powers), arithmetic.vector(tails)
 
 
-def logarithm(target: Any, table: TreeTable, arithmetic: Exact) -> Any:
+def logarithm(target: Any, basis: Basis, arithmetic: Exact) -> Any:
     """The field b with exp b = target, a flow with the scaling of a field.
 
     Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!.
     """
-    field = arithmetic.zeros(len(table))
-    weights = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
-    _lie_series(table, arithmetic, True, False, field, None, 1, weights, target)
+    field = arithmetic.zeros(len(basis))
+    weights = factorial_weights(arithmetic, basis.max_order, 1, True, negated=True)
+    _lie_series(basis, arithmetic, True, False, field, None, 1, weights, target)
     return field
 
 
 def lie_series(
-    field: Any, base: Any, base_empty: Any, table: TreeTable, arithmetic: Exact, factor: Any = 1, *,
+    field: Any, base: Any, base_empty: Any, basis: Basis, arithmetic: Exact, factor: Any = 1, *,
     weights: Any = None, sparse: bool = False,
 ) -> Any:  # fmt: skip
     """Σ_j factor^j/j! · ∂_field^j c: the flow of factor · field, then the series c.
 
     c(τ) = base (None: zero) and c(∅) = base_empty. `weights`, `factors` of the arithmetic, may take the place of
-    factor^j/j!; `sparse` says that the field vanishes at most trees.
+    factor^j/j!; `sparse` says that the field vanishes at most elements.
     """
-    weights = weights or factorial_weights(arithmetic, table.max_order, factor, False)
-    result = arithmetic.zeros(len(table))
-    _lie_series(table, arithmetic, False, sparse, field, base, base_empty, weights, result)
+    weights = weights or factorial_weights(arithmetic, basis.max_order, factor, False)
+    result = arithmetic.zeros(len(basis))
+    _lie_series(basis, arithmetic, False, sparse, field, base, base_empty, weights, result)
     return result
 
 
 def _lie_series(
-    table: TreeTable, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any,
+    basis: Basis, arithmetic: Exact, solve: bool, sparse: bool, field: Any, base: Any, empty: Any,
     weights: tuple[Any, Any], result: Any,
 ) -> None:  # fmt: skip
-    """Run the kernel over all trees, chunk by chunk."""
-    has_base, top = base is not None, table.offsets[-2]
-    width = arithmetic.width(table.max_order - 1 + has_base)
+    """Run the kernel over all elements, chunk by chunk."""
+    has_base, top = base is not None, basis.offsets[-2]
+    width = arithmetic.width(basis.max_order - 1 + has_base)
     rows, terms = arithmetic.zeros(top * width), arithmetic.zeros(width + 1)
-    base, order = arithmetic.zeros(0) if base is None else base, arithmetic.columns(table)[0]
+    base, order = arithmetic.zeros(0) if base is None else base, arithmetic.orders(basis)
     has_tails = len(weights[1]) > 0
-    for splits in table.split_chunks():
+    for cuts in basis.cut_chunks():
         arithmetic.run(kernels.lie_series)(
-            splits.first, splits.last, order, *arithmetic.ids(splits[2:]), width, top, solve, sparse, field, base,
-            has_base, arithmetic.vector([empty]), *weights, has_tails, arithmetic.modulus, rows, result, terms,
+            cuts.first, cuts.last, order, *arithmetic.cuts(cuts), cuts.multiplicity is not None, width, top, solve,
+            sparse, field, base, has_base, arithmetic.vector([empty]), *weights, has_tails, arithmetic.modulus, rows,
+            result, terms,
         )  # fmt: skip
 
 
@@ -236,9 +238,9 @@ def into_stages(
     weights = factorial_weights(arithmetic, table.max_order, 1, False)
     negated = factorial_weights(arithmetic, table.max_order, 1, True, negated=True)
     order, color, _, _ = arithmetic.columns(table)
-    for splits in table.split_chunks():
+    for cuts in table.cut_chunks():
         arithmetic.run(kernels.substitute_in_stages)(
-            splits.first, splits.last, order, color, *arithmetic.ids(splits[2:]), width, top, blocks, ends,
+            cuts.first, cuts.last, order, color, *arithmetic.cuts(cuts)[:3], width, top, blocks, ends,
             *map(arithmetic.indices, (live, degrees)), relation, *rows_of_matrix, weights_of_method, moved, solve,
             _scale(arithmetic, inverses), arithmetic.entry_factors[1], *weights, len(weights[1]) > 0, *negated,
             arithmetic.modulus, rows, logs, generators, field, result, value, inner, terms, log_terms,

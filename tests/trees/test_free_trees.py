@@ -115,7 +115,7 @@ def test_rootings_by_compiled_and_plain_kernels(kind, monkeypatch):
     blocks = options.pop("blocks", False)
     found = []
     for compiled in (True, False):
-        monkeypatch.setattr("trees.table.machine_code_pays", lambda _work, compiled=compiled: compiled)
+        monkeypatch.setattr("trees.basis.machine_code_pays", lambda _work, compiled=compiled: compiled)
         rootings.cache_clear()
         roots = rootings(TreeTable(6, **options), blocks=blocks)
         found.append((roots.turned, roots.representative, roots.sign, roots.flips and roots.flipped))

@@ -6,6 +6,7 @@ from collections import Counter
 import numba  # noqa: F401  (tables made from here on use compiled kernels)
 import pytest
 
+import trees.basis
 import trees.table
 from trees import Tree, TreeError, TreeTable, count_trees
 from trees.counting import memory_estimate
@@ -27,7 +28,7 @@ TABLES = [
 @pytest.fixture(params=["compiled", "interpreted"])
 def make(request, monkeypatch):
     """TreeTable, with kernels compiled or run by the interpreter."""
-    monkeypatch.setattr(trees.table, "machine_code_pays", lambda products: request.param == "compiled")
+    monkeypatch.setattr(trees.basis, "machine_code_pays", lambda products: request.param == "compiled")
     return TreeTable
 
 
@@ -83,25 +84,27 @@ def test_symmetry_and_density_agree_with_those_of_the_trees(make, order, colors,
 @pytest.mark.parametrize(("order", "colors", "limits"), TABLES)
 def test_splits_are_the_cuts_of_single_edges(make, order, colors, limits):
     table = make(order, colors, limits)
-    splits = table.splits
+    (made,) = table.cut_chunks()
     for at, tree in enumerate(table):
-        n = tree.order
-        span = slice(int(splits.start[n]) + at * (n - 1), int(splits.start[n]) + (at + 1) * (n - 1))
-        pairs = zip(splits.trunk[span], splits.branch[span], strict=True)
+        span = slice(made.start[at], made.start[at + 1])
+        pairs = zip(made.trunk[span], made.branch[span], strict=True)
         assert Counter((table[t], table[b]) for t, b in pairs) == Counter(cuts(tree))
+        assert Counter(table.rows(at)) == Counter((table.index(t), table.index(b), 1) for t, b in cuts(tree))
 
 
 def test_splits_made_in_passing_equal_kept_ones(make, monkeypatch):
-    kept = make(9).splits
+    (kept,) = make(9).cut_chunks()
     monkeypatch.setattr(trees.table, "KEPT_SPLITS", 100)
     monkeypatch.setattr(trees.table, "CHUNK", 50)
     table = make(9)
     top = table.ids(9)
-    chunks = list(table.split_chunks())[1:]
+    chunks = list(table.cut_chunks())[1:]
     assert (chunks[0].first, chunks[0].last) == (top.start, top.start + 50)
     assert chunks[-1].last == top.stop
     trunks = list(itertools.chain.from_iterable(chunk.trunk for chunk in chunks))
-    assert trunks == list(kept.trunk[int(kept.start[9]) + top.start * 8 :])
+    assert trunks == list(kept.trunk[kept.start[top.start] :])
+    starts = [(chunk.start[-1], len(chunk.trunk)) for chunk in chunks]
+    assert starts == [(8 * (chunk.last - chunk.first),) * 2 for chunk in chunks]
 
 
 def test_grafting_finds_the_product_for_every_pair(make):
@@ -160,7 +163,8 @@ def test_estimates_of_memory_are_what_tables_take():
     """A byte for order and colour, four for each id; a tree below the top order has as many splits as edges."""
     table = TreeTable(7, 2)
     _, order, color, left, right, _, base = table.columns
-    splits = sum(int(n) - 1 for n in order if n < 7) * (table.splits.trunk.itemsize + table.splits.branch.itemsize)
+    kept = next(iter(table.cut_chunks()))
+    splits = kept.trunk.nbytes + kept.branch.nbytes
     columns = sum(x.nbytes for x in (order, color, left, right, base))
     assert memory_estimate(table.sizes, 2) == columns
     assert memory_estimate(table.sizes, 2, splits=True) == columns + splits

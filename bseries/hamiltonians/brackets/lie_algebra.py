@@ -177,18 +177,17 @@ def _arrangements(content: Sequence[int]) -> Iterator[Word]:
 
 def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
     """For each tree its root and branch (−1 for several branches), and its leaves with the remaining trees."""
-    order = table.lists.order
-    start, trunks, branches = (list(map(int, column)) for column in table.splits[2:])
     found = []
-    for tree, n in enumerate(order):
-        first = start[n] + tree * (n - 1)
-        stem, leaves = (-1, -1), []
-        for trunk, branch in zip(trunks[first : first + n - 1], branches[first : first + n - 1], strict=True):
-            if trunk < table.colors:
-                stem = trunk, branch
-            if branch < table.colors:
-                leaves.append((branch, trunk))
-        found.append((stem, leaves))
+    for cuts in table.cut_chunks():
+        start, trunks, branches = (list(map(int, column)) for column in cuts[2:5])
+        for first, last in pairwise(start):
+            stem, leaves = (-1, -1), []
+            for trunk, branch in zip(trunks[first:last], branches[first:last], strict=True):
+                if trunk < table.colors:
+                    stem = trunk, branch
+                if branch < table.colors:
+                    leaves.append((branch, trunk))
+            found.append((stem, leaves))
     return found
 
 

@@ -132,7 +132,7 @@ def test_many_stages_and_families():
 
 
 def largest_of(values):
-    return [max(map(abs, values.coefficients()[i.start : i.stop])) for i in map(values.table.ids, range(1, ORDER + 1))]
+    return [max(map(abs, values.coefficients()[i.start : i.stop])) for i in map(values.basis.ids, range(1, ORDER + 1))]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -166,7 +166,7 @@ def test_what_is_known_leaves_few_bits(name):
     """With the true sizes of smaller trees the bound of the logarithm is near the true size."""
     stages = stages_of(bs.method(name), ORDER)
     known = (bounds.ONE, *map(bounds.scaled, largest_of(modified(bs.method(name)))))
-    bound = bounds.logarithm(stages.bound(ORDER), known[:-1])
+    bound = bounds.logarithm(trees.TreeTable.growth, stages.bound(ORDER), known[:-1])
     assert 1 <= bound[ORDER] / known[ORDER] < 2**8
 
 

@@ -6,13 +6,14 @@ from fractions import Fraction
 import pytest
 
 import bseries as bs
+import trees.basis
 import trees.table
 from bseries.exact import powers, recursions
 from bseries.exact.arithmetic import Exact, prime_field
 from bseries.exact.recursions import Stages
 
 with pytest.MonkeyPatch.context() as patch:
-    patch.setattr(trees.table, "machine_code_pays", lambda products: True)
+    patch.setattr(trees.basis, "machine_code_pays", lambda products: True)
     TABLE = trees.TreeTable(5)
 
 PRIME = 1073741789  # the largest below 2^30, the first that is used
@@ -42,7 +43,7 @@ def test_long_sums_over_stages_are_reduced(stages):
 def test_long_sums_over_partitions_are_reduced():
     """With b = 1 and a = 2, 1/2, 1/2, …, all terms are 1/2; 128 of them times 1/a(•) would overflow."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trees.table, "machine_code_pays", lambda products: True)
+        patch.setattr(trees.basis, "machine_code_pays", lambda products: True)
         table = trees.TreeTable(8)
     a, ones = [2] + [Fraction(1, 2)] * (len(table) - 1), [1] * len(table)
     target = recursions.into_series(a, table, Exact(), field=ones)
