@@ -47,13 +47,13 @@ from .advice.effects.influences import effect_influence as effect_influence
 from .advice.predictions.expected_errors import predict_run as predict_run
 from .advice.work_precision.precision_curves import work_precision as work_precision
 from .algebra.bseries import BSeries as BSeries
+from .algebra.composition import compose as compose
 from .algebra.modified import exact_flow as exact_flow
 from .algebra.modified import modified_equation as modified_equation
 from .algebra.modified import series as series
-from .algebra.products import compose as compose
-from .algebra.products import modifying_integrator as modifying_integrator
-from .algebra.products import substitute as substitute
 from .algebra.series_documents import load_series as load_series
+from .algebra.substitution import modifying_integrator as modifying_integrator
+from .algebra.substitution import substitute as substitute
 from .analysis import stability as stability
 from .analysis.conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .analysis.conjugation import effective_order as effective_order

@@ -1,4 +1,5 @@
 from . import hopf as hopf
+from .basis import Basis as Basis
 from .counting import count_trees as count_trees
 from .drawing import draw as draw
 from .drawing import svg as svg
@@ -20,3 +21,4 @@ from .hopf.products import tree_commutator as tree_commutator
 from .hopf.sums import FormalSum as FormalSum
 from .table import TreeTable as TreeTable
 from .tree import Tree as Tree
+from .words import Words as Words

@@ -67,6 +67,7 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
     """
 
     what: ClassVar[str]  # the elements in messages, such as "trees"
+    unit: ClassVar[str] = "node"  # what the order counts
     growth: ClassVar[Growth]
     max_order: int
     colors: int
@@ -85,6 +86,10 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
         """The id of an element; negative if it is none."""
 
     @abstractmethod
+    def letters(self, element: Element) -> tuple[int, ...]:
+        """The letters that an element is made of."""
+
+    @abstractmethod
     def read(self, text: str, names: Sequence[str] | None = None) -> Element:
         """The element that a text stands for, in the names of letters.
 
@@ -95,6 +100,10 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
     @abstractmethod
     def text(self, element: Element, names: Sequence[str] | None = None) -> str:
         """The text of an element, which `read` reads back."""
+
+    @abstractmethod
+    def latex(self, element: Element, names: Sequence[str] | None = None) -> str:
+        """The elementary differential of an element in LaTeX."""
 
     @abstractmethod
     def truncated(self, order: int) -> Basis[Element]:
@@ -198,6 +207,11 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
         if n > self.max_order:
             raise TreeError(f"order must be {self.max_order} or less in this table, but was {n}")
         return range(self.offsets[n - 1], self.offsets[n])
+
+    @property
+    def restriction(self) -> dict[str, Any]:
+        """What documents must say of the basis beside its order and the names of letters."""
+        return {"basis": self.what}
 
     @cached_property
     def names(self) -> tuple[str, ...]:

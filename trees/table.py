@@ -171,6 +171,10 @@ class TreeTable(Basis[Tree]):
                 return at
         return at
 
+    def letters(self, element: Tree) -> tuple[int, ...]:
+        """The colours of the nodes of a tree."""
+        return element.colors
+
     def read(self, text: str, names: Sequence[str] | None = None) -> Tree:
         """The tree that a text stands for."""
         return Tree(text, names=names)
@@ -178,6 +182,15 @@ class TreeTable(Basis[Tree]):
     def text(self, element: Tree, names: Sequence[str] | None = None) -> str:
         """The text of a tree."""
         return element.text(names)
+
+    def latex(self, element: Tree, names: Sequence[str] | None = None) -> str:
+        """The elementary differential of a tree in LaTeX."""
+        return element.differential("latex", names)
+
+    @property
+    def restriction(self) -> dict[str, Any]:
+        """The bounds on children."""
+        return {"max_children": self.max_children}
 
     def truncated(self, order: int) -> TreeTable:
         """The table of the trees with at most `order` nodes."""

@@ -1,9 +1,11 @@
 from .bseries import BSeries as BSeries
+from .composition import bracket as bracket
+from .composition import compose as compose
+from .composition import lie_derivative as lie_derivative
 from .modified import exact_flow as exact_flow
 from .modified import modified_equation as modified_equation
 from .modified import series as series
-from .products import compose as compose
-from .products import lie_derivative as lie_derivative
-from .products import modifying_integrator as modifying_integrator
-from .products import substitute as substitute
-from .products import substitution_inverse as substitution_inverse
+from .series import Series as Series
+from .substitution import modifying_integrator as modifying_integrator
+from .substitution import substitute as substitute
+from .substitution import substitution_inverse as substitution_inverse

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, overload
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.stages import ExactStages, MethodInputs, check_method, inputs_of, stages_without_cuts
+from bseries.algebra.series import Series
+from bseries.algebra.stages import ExactStages, FlowChain, MethodInputs, check_method, inputs_of, stages_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
 from bseries.exact.denominators import primorial
 from bseries.exact.domains import Values
@@ -17,16 +18,23 @@ from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
+from trees.basis import Basis
 from trees.counting import Limits, check_order, count_trees, memory_estimate, normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable, tree_table
+from trees.words import Words
 
 
-def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries:
+@overload
+def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries: ...
+@overload
+def series(method: Method | str, order: Words) -> Series: ...
+def series(method: Method | str, order: int | TreeTable | Words, *, max_children: Any = None) -> Series:
     """B-series (or P-series) of a method: its elementary weights.
 
     Args:
         method: The method; each part of a partitioned method is a colour of the trees.
-        order: Largest number of nodes, or a table of trees.
+        order: Largest number of nodes, or a table of trees. For a splitting method also `trees.Words`: there its series
+            is a product of exponentials.
         max_children: Which trees to include, as for `trees.TreeTable`; by default all, or those of the special systems,
             such as y'' = g(y), of the method.
 
@@ -34,7 +42,7 @@ def series(method: Method | str, order: int | TreeTable, *, max_children: Any = 
         The flow series a(τ) = Σ b_i Φ_i(τ); the order conditions are a(τ) = 1/γ(τ).
 
     Raises:
-        SeriesError: `method` is no method, or has too many stages.
+        SeriesError: `method` is no method, has too many stages, or is no product of flows where words are given.
         TreeError: `order` is not a whole number ≥ 1, or needs more memory than there is (refused before any work).
 
     Example:
@@ -94,7 +102,8 @@ def modified_equation(
         one = modified_equation(method.step, table).scale_step(Fraction(1, method.count))
         return (one * method.count).with_label(method.name, "modified")
     if method.digits is not None:
-        return series(method, table).log().with_label(method.name, "modified")
+        flow: Any = series(method, table)
+        return flow.log().with_label(method.name, "modified")
     found = of_method(method, table, lambda inputs: inputs.logarithm(table), 0, inputs_of(method, table.max_order))
     return found.with_label(method.name, "modified")
 
@@ -140,16 +149,18 @@ def exact_values(table: TreeTable) -> RationalValues:
     return RationalValues(table, compact, denominators, primorial(table.max_order))
 
 
-def table_of(method: Method, order: int | TreeTable | None, max_children: Any) -> TreeTable:
-    """The table of trees for the series of a method."""
+def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) -> Any:
+    """The basis for the series of a method."""
     if order is None:
         raise SeriesError("order must be given for a method, but was None")
     colors = len(check_method(method).names)
-    if max_children is None and not isinstance(order, TreeTable):
+    if max_children is None and not isinstance(order, Basis):
         max_children = method.max_children
-    if isinstance(order, TreeTable):
+    if isinstance(order, Basis):
         if order.colors != colors:
-            raise SeriesError(f"order must be a table of trees in {colors} colours, but was {order!r}")
+            raise SeriesError(f"order must be a table of {order.what} in {colors} colours, but was {order!r}")
+        if not isinstance(order, TreeTable) and not isinstance(inputs_of(method, 1), FlowChain):
+            raise SeriesError(f"order must be a table of trees for {method.name}, which is no product of flows")
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
@@ -172,14 +183,15 @@ def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None, stages
 
 def of_method(
     method: Method,
-    table: TreeTable,
+    basis: Basis[Any],
     values_of: Callable[[Any], Values],
     empty: int,
     inputs: MethodInputs,
-    uncertainty: Callable[[Method, Any, TreeTable], Uncertainty] = uncertainty_of,
-) -> BSeries:
+    uncertainty: Callable[[Method, Any, Any], Uncertainty] = uncertainty_of,
+) -> Any:
     """The series computed from the stages of a method, or from its chain of flows; decimals have an `uncertainty`."""
     values, digits = values_of(inputs), method.digits
-    errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind == "rational" else None
-    made = BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
+    errors = uncertainty(method, inputs, basis) if digits is not None and inputs.kind == "rational" else None
+    kind = BSeries if isinstance(basis, TreeTable) else Series
+    made = kind(basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
     return made._replace(source=inputs if empty == 1 and isinstance(inputs, ExactStages) else None)

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.scene_text import FLOATS
 from foundation.numbers import latex_number, number_text
-from foundation.table import Column, LazyRows, Table, listed
-from trees.drawing import svg
 from trees.table import TreeTable
-from trees.tree import Tree
 
 
 class SeriesTerm(NamedTuple):
     """A tree of a series, its coefficient, weight, σ and γ; `digits` are those to print, for a method in decimals."""
 
-    tree: Tree
+    element: Any
     coefficient: Any
     weight: Any
     is_zero: bool
     digits: int | None
     symmetry: int
-    density: int
+    at: int  # the id of the element
 
     @property
     def coefficient_text(self) -> str:
@@ -36,17 +33,18 @@ class SeriesTerm(NamedTuple):
         return number_text(self.weight, self.digits, is_zero=self.is_zero)
 
 
-def to_latex(terms: Iterable[SeriesTerm], empty: Any, names: Sequence[str] | None) -> str:
+def to_latex(terms: Iterable[SeriesTerm], empty: Any, differential: Callable[[SeriesTerm], tuple[int, str]]) -> str:
     """Terms as a sum of weights times powers of h times elementary differentials; without a factor h for fields."""
     shift = 1 if empty == 0 else 0
     number = latex_number(empty, None)
     summands = [] if shift else ["y" if empty == 1 else f"{_factor(number)} y"]
     for term in terms:
-        power = term.tree.order - shift
+        order, formula = differential(term)
+        power = order - shift
         h = {0: "", 1: "h\\, "}.get(power, f"h^{{{power}}}\\, ")
         number = latex_number(term.weight, term.digits, is_zero=term.is_zero)
         number = {"1": "", "-1": "-"}.get(number, f"{_factor(number)} ")
-        summands.append(f"{number}{h}{term.tree.differential('latex', names)}")
+        summands.append(f"{number}{h}{formula}")
     return " + ".join(summands).replace("+ -", "- ").replace("-  ", "- ") or "0"
 
 
@@ -64,8 +62,8 @@ def to_julia(terms: Iterable[SeriesTerm], empty: Any, table: TreeTable, *, inexa
     colored = table.colors > 1
     texts = [("Int[]", "Bool[]", number_text(empty))]
     for term in terms:
-        levels = ", ".join(str(level + 1) for level in term.tree.levels)
-        colors = ", ".join(("false", "true")[color] for color in term.tree.colors)
+        levels = ", ".join(str(level + 1) for level in term.element.levels)
+        colors = ", ".join(("false", "true")[color] for color in term.element.colors)
         texts.append((f"[{levels}]", f"[{colors}]", term.coefficient_text))
     lines = []
     for levels, colors, number in texts:
@@ -100,45 +98,16 @@ MEANINGS = {
 }
 
 
-def term_fields(names: Sequence[str] | None) -> dict[str, Callable[[SeriesTerm], Any]]:
-    """What JSON and CSV hold of a term, in the names of colours."""
-    return {
-        "tree": lambda term: term.tree.text(names),
-        "levels": lambda term: list(term.tree.levels),
-        "colors": lambda term: list(term.tree.colors),
-        "order": lambda term: term.tree.order,
-        "symmetry": lambda term: term.symmetry,
-        "density": lambda term: term.density,
-        "coefficient": lambda term: term.coefficient_text,
-        "weight": lambda term: term.weight_text,
-        "differential": lambda term: term.tree.differential(names=names),
-    }
-
-
-def term_table(rows: LazyRows, names: Sequence[str] | None, kind: str, label: str, order: int) -> Table:
-    """The terms of a series of some kind as a table."""
-    fields = term_fields(names)
-
-    def picture(term: SeriesTerm) -> str:
-        return f"{svg(term.tree, names=names)} {term.tree.text(names)}"
-
-    columns = (
-        Column("|τ|", True, fields["order"]),
-        Column("tree τ", get=fields["tree"], html=picture),
-        Column("coefficient", get=fields["coefficient"]),
-        Column("weight", get=fields["weight"]),
-        Column("F(τ)", get=fields["differential"]),
-    )
-    nodes = f"1 to {order} nodes" if order > 1 else "1 node"
+def title(kind: str, label: str, order: int, what: str, unit: str) -> str:
+    """The title of a table of the terms of a series on trees, or other elements."""
+    nodes = f"1 to {order} {unit}s" if order > 1 else f"1 {unit}"
     least, most = (1, order) if kind == "series" else (0, order - 1)
     powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
     of = f" of {label}" if label else ""
-    title = f"{KINDS[kind]}{of}: trees with {nodes}, powers {powers}"
-    records = listed(fields.items(), rows)
-    return Table(title, columns, rows, items="terms", section=fields["order"], records=records)
+    return f"{KINDS[kind]}{of}: {what} with {nodes}, powers {powers}"
 
 
-def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bool) -> Iterator[str]:
+def number_notes(domain: str, digits: int | None, what: str, *, nonzero: bool, as_float: bool) -> Iterator[str]:
     """Sentences on the numbers of a series."""
     if as_float:
         yield "Floating point (RR): exact coefficients, each rounded to the nearest float."
@@ -152,4 +121,4 @@ def number_notes(domain: str, digits: int | None, *, nonzero: bool, as_float: bo
             "those that are zero within these digits are 0."
         )
     if nonzero:
-        yield "Trees whose coefficient is zero are left out."
+        yield f"{what.capitalize()} whose coefficient is zero are left out."

@@ -31,6 +31,7 @@ from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import half_unit
 from integrators.methods.programs.program import Method, mapped_program
+from trees.basis import Basis
 from trees.table import TreeTable
 
 if TYPE_CHECKING:
@@ -96,18 +97,18 @@ class Uncertainty:
         changes, sizes = lambda: self.changes[at] * scale[:, None], lambda: self.sizes[at] * abs(scale)
         return Uncertainty(np.asarray(self.nodes)[at], self.relative, changes, sizes)
 
-    def of_logarithm(self, table: TreeTable, flow: Callable[[], Sequence[Any]]) -> Uncertainty:
+    def of_logarithm(self, basis: Basis[Any], flow: Callable[[], Sequence[Any]]) -> Uncertainty:
         """The uncertainty of log a from that of the flow a, given its coefficients."""
 
         def changes() -> Array:
             import numpy as np
 
             values = np.array([to_float(x) for x in flow()])[:, None]
-            step = max(1, LARGEST_ARRAY // (len(table.offsets) * table.offsets[-2] + 1))
+            step = max(1, LARGEST_ARRAY // (len(basis.offsets) * basis.offsets[-2] + 1))
             parts = (self.changes[:, k : k + step] for k in range(0, max(self.changes.shape[1], 1), step))
-            return np.hstack([logarithm(table, np.hstack([values, part]))[:, 1:] for part in parts])
+            return np.hstack([logarithm(basis, np.hstack([values, part]))[:, 1:] for part in parts])
 
-        sizes = lambda: logarithm(table, self.sizes[:, None], sign=1)[:, 0]  # noqa: E731
+        sizes = lambda: logarithm(basis, self.sizes[:, None], sign=1)[:, 0]  # noqa: E731
         return Uncertainty(self.nodes, self.relative, changes, sizes)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -141,9 +142,9 @@ def worst_case(changes: Array, rest: Array | float = 0.0) -> list[float]:
     return (abs(changes).sum(-1) + rest).tolist()
 
 
-def uncertainty_of(method: Method, inputs: MethodStages | FlowChain, table: TreeTable) -> Uncertainty:
+def uncertainty_of(method: Method, inputs: MethodStages | FlowChain, table: Any) -> Uncertainty:
     """The uncertainty of the series of a method in decimals on a table."""
-    nodes = table.arrays.order
+    nodes = table.order
     if isinstance(inputs, FlowChain):
         times, errors = _times(inputs, method.digits or 0)
         changes, sizes = (
@@ -363,7 +364,7 @@ def _block_product(x: Array, y: Array, blocks: Sequence[int]) -> Array:
     return z
 
 
-def logarithm(table: TreeTable, flow: Array, sign: int = -1) -> Array:
+def logarithm(basis: Basis[Any], flow: Array, sign: int = -1) -> Array:
     """The field b with exp b = a for a flow a; with sign = 1 the bound |a| + Σ_{j≥2} ∂_b^{j−1} b / j! instead.
 
     Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!, as in `recursions.logarithm`.
@@ -371,9 +372,9 @@ def logarithm(table: TreeTable, flow: Array, sign: int = -1) -> Array:
     import numpy as np
 
     field = np.zeros_like(flow)
-    rows = np.zeros((table.offsets[-2], table.max_order, flow.shape[-1]))  # ∂_b^{j−1} b, for j = 1, 2, …
-    factors = np.array([sign / math.factorial(j) for j in range(2, table.max_order + 1)])
-    for first, last, trunks, branches in _cuts(table, table.max_order * flow.shape[-1]):
+    rows = np.zeros((basis.offsets[-2], basis.max_order, flow.shape[-1]))  # ∂_b^{j−1} b, for j = 1, 2, …
+    factors = np.array([sign / math.factorial(j) for j in range(2, basis.max_order + 1)])
+    for first, last, trunks, branches in _cuts(basis, basis.max_order * flow.shape[-1]):
         n, ids = trunks.shape[1] + 1, slice(first, last)
         terms = np.zeros((last - first, n - 1, flow.shape[-1]))
         for trunk, branch in zip(trunks.T, branches.T, strict=True):
@@ -384,34 +385,34 @@ def logarithm(table: TreeTable, flow: Array, sign: int = -1) -> Array:
     return field
 
 
-def derivative(table: TreeTable, along: Array, field: Array) -> Array:
+def derivative(basis: Basis[Any], along: Array, field: Array) -> Array:
     """The Lie derivative ∂_b c of a field c along a field b."""
     import numpy as np
 
     found = np.zeros_like(field)
-    for first, last, trunks, branches in _cuts(table, field.shape[-1]):
+    for first, last, trunks, branches in _cuts(basis, field.shape[-1]):
         for trunk, branch in zip(trunks.T, branches.T, strict=True):
             found[first:last] += _product(field[trunk], along[branch])
     return found
 
 
-def conjugated(table: TreeTable, field: Array, processor: Array) -> Array:
+def conjugated(basis: Basis[Any], field: Array, processor: Array) -> Array:
     """The field of the method conjugated by exp g, Σ_j ad_g^j b / j! with ad_g b = ∂_g b − ∂_b g."""
     total = term = field
-    for j in range(1, table.max_order):
-        term = (derivative(table, processor, term) - derivative(table, term, processor)) / j
+    for j in range(1, basis.max_order):
+        term = (derivative(basis, processor, term) - derivative(basis, term, processor)) / j
         total = total + term
     return total
 
 
-def _cuts(table: TreeTable, width: int) -> Any:
+def _cuts(basis: Basis[Any], width: int) -> Any:
     """Trees first, …, last − 1 of one order with all their n − 1 cuts: trunks and branches, a row for each tree."""
     import numpy as np
 
     step = max(1, LARGEST_ARRAY // width)
-    for cuts in table.cut_chunks():
+    for cuts in basis.cut_chunks():
         trunk, branch = (np.asarray(x, np.uint32) for x in (cuts.trunk, cuts.branch))
-        for n, (start, end) in enumerate(pairwise(table.offsets), 1):
+        for n, (start, end) in enumerate(pairwise(basis.offsets), 1):
             for first in range(max(start, cuts.first), min(end, cuts.last), step):
                 last = min(first + step, end, cuts.last)
                 at = slice(cuts.start[first - cuts.first], cuts.start[last - cuts.first])
@@ -423,17 +424,17 @@ def _times(flows: FlowChain, digits: int) -> tuple[list[float], list[float]]:
     return [to_float(x) for x in flows.times], [_error(x, digits) for x in flows.times]
 
 
-def _chain_changes(flows: FlowChain, times: list[float], errors: list[float], table: TreeTable) -> Array:
+def _chain_changes(flows: FlowChain, times: list[float], errors: list[float], table: Basis[Any]) -> Array:
     """The changes of the coefficients of a chain of flows with each time."""
     return _chain(flows, times, errors, table)[:, 1:]
 
 
-def _chain_sizes(flows: FlowChain, times: list[float], table: TreeTable) -> Array:
+def _chain_sizes(flows: FlowChain, times: list[float], table: Basis[Any]) -> Array:
     """The coefficients with the absolute values of the times."""
     return _chain(flows, [*map(abs, times)], [], table)[:, 0]
 
 
-def _chain(flows: FlowChain, times: list[float], errors: list[float], table: TreeTable) -> Array:
+def _chain(flows: FlowChain, times: list[float], errors: list[float], table: Basis[Any]) -> Array:
     """The coefficients of a chain of flows, with their changes with each time that has an error.
 
     From the last flow to the first, a ↦ Σ_j t^j ∂_c^j a / j!, where ∂_c removes a leaf of the colour c of the flow. The
@@ -465,7 +466,7 @@ def _chain(flows: FlowChain, times: list[float], errors: list[float], table: Tre
     return values[:-1]
 
 
-def _leaf_cuts(table: TreeTable) -> list[tuple[Array, Array, Array]]:
+def _leaf_cuts(table: Basis[Any]) -> list[tuple[Array, Array, Array]]:
     """For each colour the trees with leaves of this colour, and what remains without one: start of each tree, rest."""
     import numpy as np
 

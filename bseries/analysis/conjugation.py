@@ -19,8 +19,10 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
-from bseries.algebra.bseries import BSeries, check_field, check_flow
-from bseries.algebra.products import compose, lie_derivative
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.composition import bracket as bracket
+from bseries.algebra.composition import compose
+from bseries.algebra.series import check_flow
 from bseries.algebra.uncertainty import conjugated, worst_case
 from bseries.analysis.order import Verdict, field_elements, flow_of
 from bseries.analysis.structure import Coloring, Structure, closure, failing, has_blocks
@@ -34,30 +36,6 @@ from trees.tree import Tree
 
 Key = TypeVar("Key", bound=Hashable)
 Number = Callable[[Fraction], Any]
-
-
-def bracket(b: BSeries, c: BSeries) -> BSeries:
-    """Lie bracket of two fields: ∂_b c − ∂_c b.
-
-    With B and C the vector fields of the series, it is the series of [B, C] = C'B − B'C: the derivative of C along B
-    minus that of B along C.
-
-    Raises:
-        SeriesError: An argument is no field, or the trees differ.
-
-    Example:
-        >>> import bseries as bs
-        >>> f = bs.exact_flow(3).log()
-        >>> tall = bs.BSeries.from_rule(lambda tree: int(str(tree) == "[τ]"), 3, empty=0)
-        >>> [(str(tree), str(value)) for tree, value in bs.analysis.bracket(f, tall).nonzero()]
-        [('[τ,τ]', '2')]
-
-    References:
-        HLW, section III.5.1 and lemma IX.9.1.
-    """
-    check_field(b, "b")
-    check_field(c, "c")
-    return lie_derivative(b, c) - lie_derivative(c, b)
 
 
 def conjugate(a: BSeries, c: BSeries) -> BSeries:

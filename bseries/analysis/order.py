@@ -15,8 +15,9 @@ from itertools import chain
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from bseries.algebra.bseries import BSeries, check_flow
+from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, series, series_to
+from bseries.algebra.series import check_flow
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain, inputs_of
 from bseries.algebra.uncertainty import word_uncertainties
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions

@@ -27,7 +27,8 @@ from functools import lru_cache
 from itertools import compress, count
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from bseries.algebra.bseries import BSeries, check_field
+from bseries.algebra.bseries import BSeries
+from bseries.algebra.series import check_field
 from bseries.algebra.stages import auxiliary_colors
 from bseries.algebra.uncertainty import worst_case
 from bseries.analysis.order import Verdict, accuracy_of, decidable, field_of, flow_of, series_of, verdict

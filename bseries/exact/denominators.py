@@ -75,7 +75,7 @@ def of_powers(flow: Sequence[int]) -> tuple[int, ...]:
 
 @lru_cache(maxsize=1024)
 def of_logarithm(n: int, step: int) -> int:
-    """The denominator bound of log a for trees with n nodes (see above)."""
+    """That of log a for n nodes, as log a = Σ (−1)^{j+1} (a−ε)^j / j with j ≤ n (minimal for n ≤ 12)."""
     return math.lcm(*range(1, n + 1)) * step**n
 
 

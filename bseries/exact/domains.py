@@ -151,8 +151,7 @@ class RingValues(Values):
         if field == self.ring and step == field.one:
             return self
         elements = [
-            converted(x, self.ring, field) / step ** int(n)
-            for x, n in zip(self.raw, self.basis.orders, strict=True)
+            converted(x, self.ring, field) / step ** int(n) for x, n in zip(self.raw, self.basis.orders, strict=True)
         ]
         return RingValues(self.basis, field, elements, field.one)
 

@@ -2,13 +2,9 @@
 
 The integers are proved by three facts about an operation. (1) A *denominator bound*: D_n such that D_n · result(τ) is
 an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)| (`bseries.exact.bounds`). (3) The result modulo
-M, computed without rounding. Once M > 2 · bound · D_n, only one integer fits (`bseries.exact.residues`). Denominator
-bounds, for a flow a with a(τ) L^n integral:
-
-- weights of a method whose entries have the common denominator L: L^n (n entries are multiplied);
-- log a = Σ (−1)^{j+1} (a−ε)^j / j, j ≤ n: lcm(1, …, n) L^n, which is minimal for n ≤ 12;
-- exp b = Σ ∂_b^{j−1} b / j!: n! L^n; compose and inverse have integer structure constants: L^n;
-- a^{p/q} = Σ binom(p/q, k) (a−ε)^k: (q · rad q)^n L^n.
+M, computed without rounding. Once M > 2 · bound · D_n, only one integer fits (`bseries.exact.residues`). Denominators
+are those of `bseries.exact.denominators`; for operations on a flow a with a(τ) L^n integral, compositions and inverses
+have L^n (their structure constants are integers), and exp b = Σ ∂_b^{j−1} b / j! has n! L^n.
 """
 
 from __future__ import annotations

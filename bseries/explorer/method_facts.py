@@ -111,7 +111,7 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
 
 
 def _row(term: SeriesTerm, names: tuple[str, ...] | None) -> TermRow:
-    tree = term.tree
+    tree = term.element
     size, value = (0.0 if term.is_zero else _number(x) for x in (term.coefficient, term.weight))
     return TermRow(
         svg(tree, names=names),

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation, series
-from bseries.algebra.products import modifying_integrator
 from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import cache, cached_property, partial
 from hashlib import sha256
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 from foundation import machine_code
@@ -25,6 +26,7 @@ class FlatKernel(Kernel):
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
         self._loaded: dict[tuple[Any, ...], Callable[..., Any]] = {}
+        self._loading = RLock()
 
     @cached_property
     def compiled(self) -> Callable[..., Any]:
@@ -35,7 +37,9 @@ class FlatKernel(Kernel):
         kinds = tuple([x.dtype.char if hasattr(x, "dtype") and x.ndim else type(x) for x in arguments])
         call = self._loaded.get(kinds)
         if call is None:
-            call = self._loaded[kinds] = self._load(kinds)
+            with self._loading:  # threads that meet a new kernel at once compile it once
+                call = self._loaded.get(kinds) or self._load(kinds)
+                self._loaded[kinds] = call
         return call(
             *[
                 x.__array_interface__["data"][0] if isinstance(kind, str) else x
@@ -91,8 +95,8 @@ def _object_code(function: Any, kinds: tuple[Any, ...]) -> Any:
 flat_kernel = FlatKernel
 """Marks a function as a flat kernel."""
 
-FEW_PRODUCTS = 350
-"""Products of numbers that take the interpreter a quarter of a millisecond."""
+FEW_PRODUCTS = 900
+"""Products of numbers that take the interpreter most of a millisecond; NumPy and llvmlite load in a hundred."""
 
 
 def machine_code_pays(products: int) -> bool:

@@ -43,8 +43,8 @@ def compose(
       bseries compose symplectic-euler-p symplectic-euler-q --steps 1/2,1/2 --modified --order 3
       bseries compose rk4 rk4 --steps 1/2,1/2 --order 6 --nonzero
     """
+    from bseries.algebra.composition import compose as compose_series
     from bseries.algebra.modified import series
-    from bseries.algebra.products import compose as compose_series
     from integrators.exact.entries import read_entry
 
     methods: Any = [read_method(source) for source in sources]

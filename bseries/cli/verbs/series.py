@@ -65,7 +65,7 @@ def modifying(method: Method, **options: Any) -> Table:
       bseries modifying gauss2 --order 7 --nonzero --format latex
       bseries modifying sdirk2 --order 3
     """
-    from bseries.algebra.products import modifying_integrator
+    from bseries.algebra.substitution import modifying_integrator
 
     return of_method(method, modifying_integrator, **options)
 

@@ -1,9 +1,9 @@
 """Modified Hamiltonians of splitting methods by the Baker–Campbell–Hausdorff series.
 
 One step of a splitting method is a product of exponentials of Lie derivatives, whose logarithm is a sum of brackets of
-the parts. On tall trees, which correspond to words, the modified equation is this logarithm; it is then expressed in a
-basis of brackets. With {A,B} = A_q·B_p − A_p·B_q the field of {A,B} is X_A' X_B − X_B' X_A, the bracket of
-`lie_algebra`, so that words from the root to the leaf need no signs: the root belongs to the last flow.
+the parts. On words the modified equation is this logarithm; it is then expressed in a basis of brackets. With {A,B} =
+A_q·B_p − A_p·B_q the field of {A,B} is X_A' X_B − X_B' X_A, the bracket of `lie_algebra`, so that words from the root
+to the leaf need no signs: the root belongs to the last flow.
 
 Other methods, such as force-gradient and partitioned Runge–Kutta methods, use the trees of separable systems or of
 Nyström systems. Their modified equation is tested for being a sum of brackets.
@@ -16,13 +16,14 @@ from typing import Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
+from bseries.algebra.series import Series
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
 from bseries.analysis.order import field_elements, field_of, trusted
 from bseries.analysis.structure import SEPARABLE, failing
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries
-from bseries.hamiltonians.brackets.lie_algebra import TALL, LieAlgebra, lie_algebra
+from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, lie_algebra
 from bseries.hamiltonians.brackets.lyndon_basis import MOST_LETTERS, bch_terms
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.kinds.splitting import Splitting
@@ -31,6 +32,7 @@ from integrators.methods.programs.program import Method
 from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
 from trees.table import tree_table
+from trees.words import Words
 
 
 def bracket_hamiltonian(
@@ -154,7 +156,8 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
             for color in range(colors)
         ]
     elif is_chain(method):
-        bounds = TALL
+        words = series(trusted(method), Words(order, colors))
+        return _in_brackets(words.log(), method.names, method.name, **shown)
     elif own is not None:
         raise SeriesError(f"quadratic_kinetic must not be False for {method.name}, which is made for quadratic T")
     elif colors == 2:
@@ -172,18 +175,18 @@ def check_parts(names: Sequence[str], label: str) -> None:
 
 
 def _in_brackets(
-    field: BSeries, names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
+    field: Series, names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
 ) -> BracketSeries:
     """A field as a sum of brackets."""
     parts = shown_names(names)
     letters = sorted(range(len(parts)), key=lambda color: (parts[color] != "T", color))
-    algebra = lie_algebra(field.table, tuple(letters))
+    algebra = lie_algebra(field.basis, tuple(letters))
     elements = field_elements(field)
     changes = None if field.uncertainty is None else field.uncertainty.changes.T.tolist()
     terms, errors = [], {}
     for degree in range(1, field.order + 1):
         term, error = _coordinates(algebra, degree, elements, changes, names, label)
-        brackets = [tuple(parts[letters[x]] for x in word) for word in algebra.basis(degree)]
+        brackets = [tuple(parts[letters[x]] for x in word) for word in algebra.brackets(degree)]
         terms.append(dict(zip(brackets, term, strict=True)))
         errors.update(zip(brackets, error, strict=True))
     return BracketSeries(
@@ -212,7 +215,7 @@ def _coordinates(
     bounds = [sum(abs(other.get(tree, 0.0)) for _, other in moved) for tree in trees]
     violated = next(failing([rest[tree] for tree in trees], None if changes is None else bounds), None)
     if violated is not None:
-        tree = algebra.table[trees[violated]].text(names)
+        tree = algebra.basis.text(algebra.basis[trees[violated]], names)
         raise SeriesError(
             f"method must have a modified equation in brackets of its parts, as splitting methods have, but {label} "
             f"has none: at h^{degree - 1} the tree {tree} breaks it"

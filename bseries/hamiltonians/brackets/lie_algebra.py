@@ -1,10 +1,10 @@
 """Free Lie algebras of the parts of a field, and their quotients, in right-nested brackets {a,{b,{c,d}}}.
 
-A bracket of fields is a series on coloured trees, so that any table of trees defines a Lie algebra. On tall trees,
-which correspond to words, it is free: antisymmetry and the Jacobi identity are the only relations, and the coefficients
-of Lyndon words determine an element (Radford 1979). On the trees of a smaller class of fields, brackets that vanish for
-the class are zero and further relations follow. For quadratic T(p) and U(q) all brackets with at least two more U than
-T vanish, such as {U,{U,{U,T}}}, and all brackets that contain one of these.
+A bracket of fields is a series, so that any basis defines a Lie algebra. On words it is free: antisymmetry and the
+Jacobi identity are the only relations, and the coefficients of Lyndon words determine an element (Radford 1979). On the
+trees of a smaller class of fields, brackets that vanish for the class are zero and further relations follow. For
+quadratic T(p) and U(q) all brackets with at least two more U than T vanish, such as {U,{U,{U,T}}}, and all brackets
+that contain one of these.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
+from trees.basis import Basis
 from trees.lyndon_words import lyndon_words
-from trees.table import TreeTable
+from trees.words import Words
 
 Word = tuple[int, ...]  # the letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}
-
-TALL = 1  # the number of children of a node in tall trees, which correspond to words
 
 
 class Span:
@@ -65,7 +64,7 @@ class Span:
 
 
 class LieAlgebra:
-    """Lie algebra of the brackets of the parts of a field, as series on a table of trees.
+    """Lie algebra of the brackets of the parts of a field, as series on a basis of trees.
 
     The colours `letters` are in the sorting order of words.
 
@@ -74,31 +73,31 @@ class LieAlgebra:
         R. I. McLachlan, B. Ryland, J. Math. Phys. 44 (2003) 3071–3087, doi:10.1063/1.1576904 (quadratic T).
     """
 
-    def __init__(self, table: TreeTable, letters: Sequence[int]):
-        self.table = table
+    def __init__(self, basis: Basis[Any], letters: Sequence[int]):
+        self.basis = basis
         self.letters = tuple(letters)
-        self._cuts = _cuts(table)
-        self._trees = _by_content(table, self.letters)
-        is_free = all(row[-1] == TALL == min(row) for row in table.limits)
-        self._lyndon = frozenset(lyndon_words(table.max_order, table.colors)) if is_free else None
+        self._cuts = _cuts(basis)
+        self._trees = _by_content(basis, self.letters)
+        is_free = isinstance(basis, Words)
+        self._lyndon = frozenset(lyndon_words(basis.max_order, basis.colors)) if is_free else None
         self._vector = cache(self._bracket)
         self._spans = cache(self._find_spans)
 
-    def basis(self, degree: int) -> list[Word]:
+    def brackets(self, degree: int) -> list[Word]:
         """The basis of the brackets with this number of letters."""
         return sorted((word for span, _ in self._spans(degree) for word in span.words), key=_listing_order)
 
     def coordinates(
         self, degree: int, values: Sequence[Any], number: Callable[[Fraction], Any]
     ) -> tuple[list[Any], dict[int, Any]]:
-        """The coordinates in `basis` of one term of a field, and the remainder outside the span, by tree."""
+        """The coordinates in `brackets` of one term of a field, and the remainder outside the span, by tree."""
         found: dict[Word, Any] = {}
         rest: dict[int, Any] = {}
         for span, trees in self._spans(degree):
             vector = {tree: values[tree] for tree in trees}
             found.update(zip(span.words, span.coordinates(vector, number), strict=True))
             rest |= vector
-        return [found[word] for word in self.basis(degree)], rest
+        return [found[word] for word in self.brackets(degree)], rest
 
     def _find_spans(self, degree: int) -> list[tuple[Span, list[int]]]:
         """The span of the brackets for each content of letters, with the trees that determine its elements."""
@@ -106,7 +105,7 @@ class LieAlgebra:
         for content, trees in self._trees.items():
             if sum(content) == degree:
                 if self._lyndon is not None:
-                    trees = [tree for tree in trees if self.table[tree].colors in self._lyndon]
+                    trees = [tree for tree in trees if self.basis.letters(self.basis[tree]) in self._lyndon]
                 words = sorted(filter(_is_preferred, _arrangements(content)), key=_preference)
                 found.append((Span(words, self._vector, trees), trees))
         return found
@@ -126,7 +125,7 @@ class LieAlgebra:
         return found
 
 
-lie_algebra = lru_cache(maxsize=8)(LieAlgebra)  # the Lie algebra on a table of trees, cached
+lie_algebra = lru_cache(maxsize=8)(LieAlgebra)  # the Lie algebra on a basis of trees, cached
 
 
 def _listing_order(word: Word) -> tuple[Word, Word]:
@@ -175,25 +174,25 @@ def _arrangements(content: Sequence[int]) -> Iterator[Word]:
                 yield (letter, *word)
 
 
-def _cuts(table: TreeTable) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
+def _cuts(basis: Basis[Any]) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
     """For each tree its root and branch (−1 for several branches), and its leaves with the remaining trees."""
     found = []
-    for cuts in table.cut_chunks():
+    for cuts in basis.cut_chunks():
         start, trunks, branches = (list(map(int, column)) for column in cuts[2:5])
         for first, last in pairwise(start):
             stem, leaves = (-1, -1), []
             for trunk, branch in zip(trunks[first:last], branches[first:last], strict=True):
-                if trunk < table.colors:
+                if trunk < basis.colors:
                     stem = trunk, branch
-                if branch < table.colors:
+                if branch < basis.colors:
                     leaves.append((branch, trunk))
             found.append((stem, leaves))
     return found
 
 
-def _by_content(table: TreeTable, letters: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
+def _by_content(basis: Basis[Any], letters: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
     """The trees by their numbers of nodes of each colour."""
     found: dict[tuple[int, ...], list[int]] = {}
-    for at, tree in enumerate(table):
-        found.setdefault(tuple(map(tree.colors.count, letters)), []).append(at)
+    for at, tree in enumerate(basis):
+        found.setdefault(tuple(map(basis.letters(tree).count, letters)), []).append(at)
     return found

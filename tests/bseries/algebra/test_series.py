@@ -209,7 +209,7 @@ def test_step_scaling():
 
 
 def test_weights_are_coefficients_over_symmetry():
-    found = {str(term.tree): (term.coefficient, term.weight) for term in bs.series(RK4, 3).terms()}
+    found = {str(term.element): (term.coefficient, term.weight) for term in bs.series(RK4, 3).terms()}
     assert found["[τ,τ]"] == (Fraction(1, 3), Fraction(1, 6))
 
 

@@ -18,6 +18,7 @@ from integrators.scenes.model.terms import Term
 from integrators.scenes.particles.expansion import hamiltonian_field
 from trees.lyndon_words import count_lyndon_words
 from trees.table import tree_table
+from trees.words import Words
 
 LECTURE = json.loads((Path(__file__).parents[2] / "reference" / "lecture_values.json").read_text())
 EXAMPLE6 = LECTURE["example6_stoermer_verlet"]
@@ -214,24 +215,24 @@ def test_formula_25(name, sign):
 
 def test_free_algebras_have_the_dimensions_of_witt():
     for order, colors in ((9, 2), (6, 3)):
-        algebra = LieAlgebra(tree_table(order, colors, 1), range(colors))
-        assert [len(algebra.basis(n)) for n in range(1, order + 1)] == count_lyndon_words(order, colors)
+        algebra = LieAlgebra(Words(order, colors), range(colors))
+        assert [len(algebra.brackets(n)) for n in range(1, order + 1)] == count_lyndon_words(order, colors)
 
 
 def test_separable_systems_have_a_free_algebra():
-    free = LieAlgebra(tree_table(8, 2, 1), (0, 1))
+    free = LieAlgebra(Words(8, 2), (0, 1))
     separable = LieAlgebra(tree_table(8, 2, [[0, None], [None, 0]]), (0, 1))
-    assert all(free.basis(n) == separable.basis(n) for n in range(1, 9))
+    assert all(free.brackets(n) == separable.brackets(n) for n in range(1, 9))
 
 
 def test_quadratic_kinetic_energy():
     """The dimensions of McLachlan and Ryland; the basis is that of the free algebra without brackets that vanish."""
-    free = LieAlgebra(tree_table(9, 2, 1), (0, 1))
+    free = LieAlgebra(Words(9, 2), (0, 1))
     quadratic = LieAlgebra(tree_table(10, 2, [[0, 1, 1], [None, 0]]), (0, 1))
-    assert [len(quadratic.basis(n)) for n in range(1, 11)] == [2, 1, 2, 2, 4, 5, 10, 14, 25, 39]
+    assert [len(quadratic.brackets(n)) for n in range(1, 11)] == [2, 1, 2, 2, 4, 5, 10, 14, 25, 39]
     for n in range(1, 10):
-        vanishing = {word for word in free.basis(n) if any(2 * sum(word[k:]) >= n - k + 2 for k in range(n))}
-        assert set(quadratic.basis(n)) == set(free.basis(n)) - vanishing
+        vanishing = {word for word in free.brackets(n) if any(2 * sum(word[k:]) >= n - k + 2 for k in range(n))}
+        assert set(quadratic.brackets(n)) == set(free.brackets(n)) - vanishing
 
 
 def test_quadratic_kinetic_energy_leaves_terms_out_and_changes_none():

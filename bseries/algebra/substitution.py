@@ -15,11 +15,12 @@ from functools import partial
 from typing import Any
 
 from bseries.algebra import stages as inputs
-from bseries.algebra.bseries import BSeries, check_field, check_flow, check_series, fewest_digits
+from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
+from bseries.algebra.series import check_field, check_flow, fewest_digits
 from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.algebra.uncertainty import Uncertainty, by_differences
-from bseries.exact import bounds, denominators, lie, recursions
+from bseries.exact import bounds, denominators, recursions
 from bseries.exact.arithmetic import WrappedParts, wrapped_parts
 from bseries.exact.bounds import Bound
 from bseries.exact.denominators import twos
@@ -30,77 +31,6 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from trees.counting import normal_limits, refuse_table_beyond_memory
 from trees.table import TreeTable
-
-
-def compose(a: BSeries, c: BSeries) -> BSeries:
-    """Composition of two maps: first a, then c.
-
-    B(compose(a, c), y) = B(c, B(a, y)), the product a · c of HLW and Butcher.
-
-    Args:
-        a: A flow, applied first.
-        c: A flow, or any series (a field c gives c evaluated at the image of a).
-
-    Raises:
-        SeriesError: a(∅) is not 1, or the trees differ.
-
-    Example:
-        Half a step of the implicit and half a step of the explicit Euler method give the midpoint rule:
-
-        >>> import bseries as bs
-        >>> from fractions import Fraction
-        >>> half = Fraction(1, 2)
-        >>> implicit = bs.series(bs.method("implicit-euler"), 5).scale_step(half)
-        >>> explicit = bs.series(bs.method("explicit-euler"), 5).scale_step(half)
-        >>> bs.compose(implicit, explicit) == bs.series(bs.method("implicit-midpoint"), 5)
-        True
-
-    References:
-        HLW, theorem III.1.10 (there by ordered subtrees).
-    """
-    check_flow(a, "a")
-    check_series(c, "c")
-    if c.empty not in (0, 1):  # by linearity: c = c(∅) ∅ + (c without ∅)
-        return a * c.empty + compose(a, c.with_empty(0))
-
-    a.check_same_trees(c)
-    digits = fewest_digits(a, c)
-    if isinstance(a.source, RationalStages) and isinstance(c.source, RationalStages):
-        both = a.source.then(c.source)
-        return BSeries(a.table, both.series(a.table), 1, names=a.names, digits=digits, source=both)
-    return BSeries(a.table, lie.composition(a.stored, c.stored, int(c.empty)), c.empty, names=a.names, digits=digits)
-
-
-def lie_derivative(b: BSeries, c: BSeries) -> BSeries:
-    """Lie derivative ∂_b c of the series c along the field b.
-
-    (∂_b c)(τ) = c(∅) b(τ) + Σ c(trunk) b(branch), summed over the edges of τ, each cut into trunk and branch.
-
-    Args:
-        b: A field.
-        c: Any series.
-
-    Raises:
-        SeriesError: b(∅) is not 0, or the trees differ.
-
-    Example:
-        >>> import bseries as bs
-        >>> f = bs.BSeries.from_rule(lambda tree: int(tree.order == 1), 3, empty=0)
-        >>> second = bs.algebra.lie_derivative(f, f)
-        >>> [str(tree) for tree, value in second.items() if value]
-        ['[τ]']
-
-    References:
-        HLW, lemma IX.9.1.
-    """
-    check_field(b, "b")
-    check_series(c, "c")
-    if c.empty not in (0, 1):
-        return b * c.empty + lie_derivative(b, c.with_empty(0))
-
-    b.check_same_trees(c)
-    values = lie.derivative(b.stored, c.stored, int(c.empty))
-    return BSeries(b.table, values, 0, names=b.names, digits=fewest_digits(b, c))
 
 
 def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
@@ -150,7 +80,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
 
 
 def _into_series(b: BSeries, a: BSeries) -> BSeries:
-    b.check_same_trees(a)
+    b.check_same_basis(a)
     _check_all_trees(a, "a")
     first, second = (values.reduced for values in alike([b.stored, a.stored]))
 
@@ -315,7 +245,7 @@ def _substitution(expression: Any, b: Any, a: Any) -> Operation:
         denominators.substituted(skeletons, b.denominators),
         lambda known: bounds.substituted(flow, b.bound),
     )
-    passes = 2 * a.stages.size if is_method else 2 ** (b.basis.max_order - 1) // b.table.max_order + 1
+    passes = 2 * a.stages.size if is_method else 2 ** (b.basis.max_order - 1) // b.basis.max_order + 1
     return operation._replace(passes=passes)
 
 
