@@ -135,6 +135,7 @@ def execution_of_all_kinds(request, monkeypatch):
                 monkeypatch.setattr(module, name, value)
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("numbers", NUMBERS)
 @pytest.mark.parametrize(("order", "colors", "max_children"), [(5, 1, None), (6, 1, 2), (1, 2, None), (3, 2, None)])
 def test_all_that_is_made_of_stages(numbers, order, colors, max_children, execution_of_all_kinds):
