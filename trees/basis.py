@@ -64,6 +64,34 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
         max_order: Largest number of nodes.
         colors: Number of letters.
         sizes: Numbers of elements with 1, 2, …, `max_order` nodes.
+
+    Example:
+        Ladders, one for each number of nodes: series on them are power series, with their product:
+
+        >>> import bseries as bs
+        >>> from trees.basis import Basis, Growth
+        >>> class Ladders(Basis):
+        ...     what, growth = "ladders", Growth(lambda n, k: 1, lambda n: n - 1, lambda n: n + 1)
+        ...     def __init__(self, order):
+        ...         self.max_order, self.colors, self.sizes = order, 1, [1] * order
+        ...     def rows(self, at):
+        ...         return [(at - k, k - 1, 1) for k in range(1, at + 1)]
+        ...     def element(self, at):
+        ...         return at + 1
+        ...     def find(self, element):
+        ...         return element - 1 if element in range(1, self.max_order + 1) else -1
+        ...     def letters(self, element):
+        ...         return (0,) * element
+        ...     def read(self, text, names=None):
+        ...         return int(text)
+        ...     def text(self, element, names=None):
+        ...         return str(element)
+        ...     latex = text
+        ...     def truncated(self, order):
+        ...         return Ladders(order)
+        >>> a = bs.algebra.Series.of(Ladders(4), lambda n: 1)  # 1/(1 − x)
+        >>> [str(x) for x in a.log().values()], [str(x) for x in a.inverse().values()]
+        (['1', '1/2', '1/3', '1/4'], ['-1', '0', '0', '0'])
     """
 
     what: ClassVar[str]  # the elements in messages, such as "trees"
@@ -159,6 +187,20 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
         trunk, branch, multiplicity = (self.column(list(x), "int64") for x in columns) if any(rows) else ([], [], [])
         start = self.column([0, *accumulate(map(len, rows))])
         yield Cuts(0, len(self), start, trunk, branch, multiplicity)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        """What tells two bases of one kind apart."""
+        return self.max_order, self.colors
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Basis) and type(self) is type(other) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash((type(self).__name__, self._key))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.max_order}, colors={self.colors})"
 
     def __len__(self) -> int:
         return self.offsets[-1]

@@ -171,7 +171,7 @@ def memory_estimate(counts: Sequence[int], colors: int, *, splits: bool = False)
     top = len(counts)
     columns = sum(counts) * 10
     bases = sum(count * (top - n) * colors * 4 for n, count in enumerate(counts, 1))
-    of_splits = sum(count * (n - 1) * 8 for n, count in enumerate(counts[:-1], 1))
+    of_splits = sum(count * n * 8 for n, count in enumerate(counts[:-1], 1))  # two ids for each, and where they begin
     return columns + bases + of_splits * splits
 
 

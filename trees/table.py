@@ -196,12 +196,6 @@ class TreeTable(Basis[Tree]):
         """The table of the trees with at most `order` nodes."""
         return tree_table(order, self.colors, self.limits)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, TreeTable) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
     @property
     def _key(self) -> tuple[int, Limits]:
         return self.max_order, self.limits

@@ -120,12 +120,3 @@ class Words(Basis[Word]):
     def names(self) -> tuple[str, ...]:
         """The default names of the letters."""
         return ("a",) if self.colors == 1 else default_names(self.colors)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Words) and (self.max_order, self.colors) == (other.max_order, other.colors)
-
-    def __hash__(self) -> int:
-        return hash((self.max_order, self.colors))
-
-    def __repr__(self) -> str:
-        return f"Words({self.max_order}, colors={self.colors})"

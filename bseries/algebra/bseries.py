@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, cast
 
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
@@ -15,12 +16,17 @@ from trees.drawing import svg
 from trees.table import TreeTable, tree_table
 from trees.tree import Tree
 
+if TYPE_CHECKING:
+    from bseries.algebra.stages import ExactStages
+    from bseries.exact.domains import Values
+
 
 class BSeries(Series):
     """A B-series (or P-series, on coloured trees) up to some number of nodes.
 
     B(a, y) = a(∅) y + Σ_τ h^|τ| / σ(τ) · a(τ) F(τ)(y): a coefficient contains neither 1/σ nor a power of h. A *flow*
-    has a(∅) = 1, a *field* has b(∅) = 0 and represents h · f_h.
+    has a(∅) = 1, a *field* has b(∅) = 0 and represents h · f_h. An exact series of a method has its stages as `source`,
+    from which its logarithm, powers, inverse and compositions are computed without cuts.
 
     Example:
         >>> import bseries as bs
@@ -33,6 +39,17 @@ class BSeries(Series):
     References:
         E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed., definition III.1.8.
     """
+
+    source: ExactStages | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but a source in a ring of SymPy, which cannot be pickled."""
+        state = super().__getstate__()
+        return state if self.source is None or self.source.kind == "rational" else {**state, "source": None}
+
+    def with_source(self, source: ExactStages | None) -> BSeries:
+        """The same series, known to be that of these stages."""
+        return self._replace(source=source)
 
     @property
     def table(self) -> TreeTable:
@@ -74,6 +91,31 @@ class BSeries(Series):
         table = tree_table(order, colors, max_children)
         values = make_values(table, (rule(tree) for tree in table))
         return cls(table, values, exact_number(empty), names=names)
+
+    def to_float(self) -> BSeries:
+        """The series with every coefficient rounded to the nearest float."""
+        return super().to_float().with_source(None)
+
+    def scale_step(self, factor: object) -> BSeries:
+        """The series with h replaced by factor · h: a(τ) becomes factor^|τ| a(τ)."""
+        scaled, number = super().scale_step(factor), exact_number(factor)
+        if self.source is None or not isinstance(number, Fraction):
+            return scaled
+        is_exact = self.source.kind == "rational" or number.denominator == 1
+        return scaled.with_source(self.source.scaled(number)) if is_exact else scaled
+
+    def _logarithm(self) -> Values:
+        return super()._logarithm() if self.source is None else self.source.logarithm(self.table)
+
+    def _power(self, s: Fraction) -> Values:
+        return super()._power(s) if self.source is None else self.source.power(self.table, s)
+
+    def inverse(self) -> BSeries:
+        """The series of the inverse map."""
+        if self.source is None or self.empty != 1:
+            return super().inverse()
+        inverse = self.source.inverse()
+        return self._made(inverse.series(self.table), 1).with_source(inverse)
 
     def term_fields(self) -> dict[str, Callable[[SeriesTerm], Any]]:
         """What JSON and CSV hold of a term, by key."""

@@ -1,9 +1,13 @@
-"""Composition of series, Lie derivatives and brackets, on any basis."""
+"""Composition of series, Lie derivatives and brackets, on any basis.
+
+Two methods are composed stage after stage, other series by Lie derivatives (`bseries.exact.lie`).
+"""
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
+from bseries.algebra.bseries import BSeries
 from bseries.algebra.series import Series, check_field, check_flow, check_series, fewest_digits
 from bseries.algebra.stages import RationalStages
 from bseries.exact import lie
@@ -44,16 +48,20 @@ def compose(a: AnySeries, c: AnySeries) -> AnySeries:
 
     a.check_same_basis(c)
     digits = fewest_digits(a, c)
-    few = 2 * a.order  # stages, for which a product with their matrix costs less than Lie derivatives
-    if (
-        isinstance(a.source, RationalStages)
-        and isinstance(c.source, RationalStages)
-        and a.source.stages.size + c.source.stages.size <= few
-    ):
-        both: Any = a.source.then(c.source)
-        return type(a)(a.basis, both.series(a.basis), 1, names=a.names, digits=digits, source=both)
+    if (both := _composed(a, c)) is not None:
+        made: Any = type(a)(a.basis, both.series(cast(BSeries, a).table), 1, names=a.names, digits=digits)
+        return made.with_source(both)
     values = lie.composition(a.stored, c.stored, int(c.empty))
     return type(a)(a.basis, values, c.empty, names=a.names, digits=digits)
+
+
+def _composed(a: Series, c: Series) -> RationalStages | None:
+    """The stages of two methods one after another, where a product with them costs less than Lie derivatives."""
+    if isinstance(a, BSeries) and isinstance(c, BSeries):
+        first, then = a.source, c.source
+        if isinstance(first, RationalStages) and isinstance(then, RationalStages):
+            return first.then(then) if first.stages.size + then.stages.size <= 2 * a.order else None
+    return None
 
 
 def lie_derivative(b: AnySeries, c: AnySeries) -> AnySeries:

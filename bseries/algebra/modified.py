@@ -194,4 +194,6 @@ def of_method(
     errors = uncertainty(method, inputs, basis) if digits is not None and inputs.kind == "rational" else None
     kind = BSeries if isinstance(basis, TreeTable) else Series
     made = kind(basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
-    return made._replace(source=inputs if empty == 1 and isinstance(inputs, ExactStages) else None)
+    if empty == 1 and isinstance(made, BSeries) and isinstance(inputs, ExactStages):
+        return made.with_source(inputs)
+    return made

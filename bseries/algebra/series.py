@@ -7,7 +7,7 @@ from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Se
 from fractions import Fraction
 from functools import cache
 from itertools import chain, islice
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
@@ -28,32 +28,6 @@ if TYPE_CHECKING:
 EMPTY = "∅"
 
 
-class Source(Protocol):
-    """What a series was computed from, such as the stages of a method: gives related series without cuts."""
-
-    kind: str
-
-    def series(self, table: Any, /) -> Values:
-        """The series."""
-        raise NotImplementedError
-
-    def logarithm(self, table: Any, /) -> Values:
-        """Its logarithm."""
-        raise NotImplementedError
-
-    def power(self, table: Any, s: Fraction, /) -> Values:
-        """Its power."""
-        raise NotImplementedError
-
-    def inverse(self) -> Source:
-        """What gives the inverse."""
-        raise NotImplementedError
-
-    def scaled(self, factor: Fraction, /) -> Source:
-        """What gives the series with another step size."""
-        raise NotImplementedError
-
-
 class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
     """A series on a basis of graded objects, up to some number of nodes: rooted trees (`BSeries`), words, …
 
@@ -66,8 +40,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
     other arithmetic on it have digits only: it treats the printed decimals as exact, and the results are shown rounded.
 
     Series are immutable. `stored` holds the coefficients in the form of `bseries.exact.domains`. `kind` is what tables
-    and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``. An exact series of a method has
-    its stages as `source`, from which its logarithm, powers, inverse and compositions are computed without cuts.
+    and documents call the series: ``series``, ``field``, ``modified`` or ``modifying``.
 
     Example:
         >>> import bseries as bs
@@ -86,7 +59,6 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
     kind: str
     digits: int | None
     uncertainty: Uncertainty | None
-    source: Source | None
 
     def __init__(
         self,
@@ -99,7 +71,6 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         kind: str | None = None,
         digits: int | None = None,
         uncertainty: Uncertainty | None = None,
-        source: Source | None = None,
     ):
         empty = exact_number(empty)
         names = check_names(names) if names and basis.colors > 1 else basis.names
@@ -107,12 +78,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             raise SeriesError(f"names must be {basis.colors} names, one for each colour, but were {len(names)}")
         kind = kind or ("field" if empty == 0 else "series")
         self.__dict__.update(basis=basis, stored=values, empty=empty, names=names, label=label, kind=kind)
-        self.__dict__.update(digits=digits, uncertainty=uncertainty, source=source)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """All but a source in a ring of SymPy, which cannot be pickled."""
-        state = super().__getstate__()
-        return state if self.source is None or self.source.kind == "rational" else {**state, "source": None}
+        self.__dict__.update(digits=digits, uncertainty=uncertainty)
 
     def __copy__(self) -> Self:
         return self
@@ -250,7 +216,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         Raises:
             SeriesError: A coefficient holds symbols.
         """
-        return self._replace(stored=as_floats(self.stored), source=None)
+        return self._replace(stored=as_floats(self.stored))
 
     def check_same_basis(self, other: Self) -> None:
         """Raise a SeriesError unless the other series has the same basis."""
@@ -339,11 +305,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         number: Any = exact_number(factor, "factor")
         power = cache(lambda n: number**n)
         pairs = zip(self.coefficients(), self.basis.orders, strict=True)
-        scaled = self._with_numbers(chain([self.empty], (x * power(n) for x, n in pairs)), self.digits)
-        if self.source is None or not isinstance(number, Fraction):
-            return scaled
-        is_exact = self.source.kind == "rational" or number.denominator == 1
-        return scaled._replace(source=self.source.scaled(number)) if is_exact else scaled
+        return self._with_numbers(chain([self.empty], (x * power(n) for x, n in pairs)), self.digits)
 
     def log(self) -> Self:
         """The modified equation: the field whose exact flow is this series.
@@ -363,13 +325,20 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             HLW, theorem IX.9.2.
         """
         check_flow(self)
-        stored = lie.logarithm(self.stored) if self.source is None else self.source.logarithm(self.basis)
         errors = self.uncertainty and self.uncertainty.of_logarithm(self.basis, self.coefficients)
-        return self._made(stored, 0)._replace(uncertainty=errors)
+        return self._made(self._logarithm(), 0)._replace(uncertainty=errors)
 
-    def _made(self, stored: Values, empty: int, source: Source | None = None) -> Self:
+    def _made(self, stored: Values, empty: int) -> Self:
         """A series that is made of this one alone."""
-        return type(self)(self.basis, stored, empty, names=self.names, digits=self.digits, source=source)
+        return type(self)(self.basis, stored, empty, names=self.names, digits=self.digits)
+
+    def _logarithm(self) -> Values:
+        """The coefficients of the logarithm."""
+        return lie.logarithm(self.stored)
+
+    def _power(self, s: Fraction) -> Values:
+        """The coefficients of a power."""
+        return lie.power(self.stored, s)
 
     def exp(self) -> Self:
         """The exact flow of this field over one step.
@@ -404,10 +373,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             True
         """
         check_flow(self)
-        if self.source is None:
-            return self._made(lie.power(self.stored, Fraction(-1)), 1)
-        inverse = self.source.inverse()
-        return self._made(inverse.series(self.basis), 1, inverse)
+        return self._made(self._power(Fraction(-1)), 1)
 
     def adjoint(self) -> Self:
         """The series of the adjoint method Φ*_h = (Φ_{−h})^{−1}.
@@ -450,7 +416,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             return (self.log() * s).exp()
         if s == -1:
             return self.inverse()
-        return self._made(lie.power(self.stored, s) if self.source is None else self.source.power(self.basis, s), 1)
+        return self._made(self._power(s), 1)
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
         """The terms in the order of the basis; `weight` is coefficient/σ."""
@@ -524,7 +490,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         Example:
             >>> import bseries as bs
             >>> print(bs.modified_equation(bs.method("explicit-euler"), 2).to_latex())
-            f - \frac{1}{2} h\\, f'(f)
+            f - \\frac{1}{2} h\\, f'(f)
         """
         return presentation.to_latex(self.terms(nonzero=True), self.empty, self._differential)
 

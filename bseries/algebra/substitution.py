@@ -1,9 +1,8 @@
-"""Products of series: composition and Lie derivatives, substitution and its inverse, and modifying integrators.
+"""Substitution of fields on rooted trees into series and methods, its inverse, and modifying integrators.
 
-Two methods are composed stage after stage, other series by Lie derivatives (`bseries.exact.lie`). Substitution into a
-method composes the field with the series of each stage (see `bseries.exact.kernels`): n² operations per tree and stage,
-and restricted tables are closed. Substitution into a series is a sum over all 2^(n−1) partitions of a tree; no
-polynomial algorithm is known.
+Substitution into a method composes the field with the series of each stage (see `bseries.exact.kernels`): n² operations
+per tree and stage, and restricted tables are closed. Substitution into a series is a sum over all 2^(n−1) partitions of
+a tree; no polynomial algorithm is known.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from functools import partial
 from typing import Any
 
 from bseries.algebra import stages as inputs
-from bseries.algebra.bseries import BSeries
+from bseries.algebra.bseries import BSeries, check_trees
 from bseries.algebra.modified import exact_values, of_method, series_to, table_of
-from bseries.algebra.series import check_field, check_flow, fewest_digits
+from bseries.algebra.series import Series, check_field, check_flow, fewest_digits
 from bseries.algebra.stages import MethodStages, RationalStages
 from bseries.algebra.uncertainty import Uncertainty, by_differences
 from bseries.exact import bounds, denominators, recursions
@@ -62,8 +61,9 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
         P. Chartier, E. Hairer, G. Vilmart, *Algebraic structures of B-series*, Found. Comput. Math. 10 (2010),
         theorem 3.2, doi:10.1007/s10208-010-9065-1.
     """
+    check_trees(b, "b")
     check_field(b, "b")
-    if isinstance(a, BSeries):
+    if isinstance(a, Series):
         return _into_series(b, a)
     method = inputs.check_method(a)
     if b.names != method.names:
@@ -80,6 +80,7 @@ def substitute(b: BSeries, a: BSeries | Method) -> BSeries:
 
 
 def _into_series(b: BSeries, a: BSeries) -> BSeries:
+    check_trees(a, "a")
     b.check_same_basis(a)
     _check_all_trees(a, "a")
     first, second = (values.reduced for values in alike([b.stored, a.stored]))
@@ -191,6 +192,7 @@ def substitution_inverse(b: BSeries) -> BSeries:
         D. Calaque, K. Ebrahimi-Fard, D. Manchon, *Two interacting Hopf algebras of trees*, Adv. Appl. Math. 47 (2011)
         282–308, doi:10.1016/j.aam.2009.08.003.
     """
+    check_trees(b, "b")
     check_field(b, "b")
     identity = RationalValues(b.table, [int(at < b.table.colors) for at in range(len(b))], [1] * (b.order + 1), 1)
     return _solve(b, identity, "b")
