@@ -177,8 +177,8 @@ def of_method(
     inputs: MethodInputs,
     uncertainty: Callable[[Method, Any, TreeTable], Uncertainty] = uncertainty_of,
 ) -> BSeries:
-    """The series computed from the stages of a method, or from its chain of flows; decimals have an `uncertainty`."""
+    """The series computed from the stages of a method, or from its chain of flows; entries with digits have an `uncertainty`."""
     values, digits = values_of(inputs), method.digits
-    errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind == "rational" else None
+    errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind in ("rational", "float") else None
     made = BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
     return made._replace(source=inputs if empty == 1 and isinstance(inputs, ExactStages) else None)
