@@ -177,7 +177,7 @@ def of_method(
     inputs: MethodInputs,
     uncertainty: Callable[[Method, Any, TreeTable], Uncertainty] = uncertainty_of,
 ) -> BSeries:
-    """The series computed from the stages of a method, or from its chain of flows; entries with digits have an `uncertainty`."""
+    """The series computed from the stages of a method, or from its chain of flows; digits give an `uncertainty`."""
     values, digits = values_of(inputs), method.digits
     errors = uncertainty(method, inputs, table) if digits is not None and inputs.kind in ("rational", "float") else None
     made = BSeries(table, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
