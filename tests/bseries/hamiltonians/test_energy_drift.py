@@ -484,6 +484,7 @@ def test_chaos_makes_a_random_walk():
     scene, h, steps = coupled_pendulums([1, -2], [2, 1]), 0.1, 160_000
     report = energy_drift(SIMPLIFIED, scene, h=h, steps=steps)
     assert report.verdict == "square-root drift"
+    assert "as a random walk does" in report.reason
     run = bs.integrate(SIMPLIFIED, scene, h=h, steps=steps, save_every=steps // 128)
     values = report.hamiltonian(run.y, h)
     assert abs(values[-1] - values[0]) < 4 * report.deviation(run.t[-1])
