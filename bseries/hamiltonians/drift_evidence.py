@@ -125,7 +125,7 @@ class Evidence(NamedTuple):
             BOUNDED: f"the energy oscillates as predicted, and {over} its variance is saturated",
             LINEAR: f"the mean of dH~/dt along the run is not zero{beyond}",
             UNSTEADY: f"{changes}, in one direction but at no steady rate{beyond}",
-            SQUARE_ROOT: f"the integral of dH~/dt along the run spreads as a random walk does, and along no line{beyond}",
+            SQUARE_ROOT: f"the integral of dH~/dt along the run spreads as a random walk does, along no line{beyond}",
             UNSEEN: f"no drift of the energy is seen {over}, but {doubt}",
         }[self.kind]
 
