@@ -194,6 +194,8 @@ def test_single_precision_says_how_many_digits_it_has(array):
     assert (splitting.digits, bs.order_of(splitting)) == (7, 2)
     wrong = Splitting([("p", third), ("q", half), ("p", third), ("q", half), ("p", third + np.float32(1e-6))])
     assert bs.order_of(wrong) == 0
+    flows = [("p", 0.333333), ("q", 0.5), ("p", 0.333333), ("q", 0.5), ("p", 0.333333)]
+    assert [bs.order_of(Splitting(flows, digits=digits)) for digits in (None, 6)] == [0, 2]
 
 
 def test_a_number_has_the_same_uncertainty_however_it_is_written():
