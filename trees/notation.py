@@ -17,6 +17,8 @@ MAX_ORDER = 10_000
 """The largest number of nodes of one tree."""
 TOKEN = re.compile(r"[^\W_τ][^\Wτ]*|\S")
 """A word, or a symbol."""
+CONTROL = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029]")
+"""Control characters other than tabs and ends of lines; Python takes some of them for spaces."""
 
 
 @lru_cache(maxsize=64)
@@ -114,6 +116,8 @@ def parse(text: str, names: Iterable[str] | None = None) -> tuple[list[int], lis
         ([0, 1, 1], [0, 1, 1])
     """
     checked = None if names is None else check_names(names)
+    if control := CONTROL.search(text):
+        raise _error(text, f"has the control character {control[0]!a} at position {control.start() + 1}")
     start = text.lstrip()
     if start.startswith("[") and start[1:].lstrip().startswith(tuple("-0123456789")):
         return _read_numbers(text)

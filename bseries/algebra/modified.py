@@ -189,9 +189,9 @@ def of_method(
     inputs: MethodInputs,
     uncertainty: Callable[[Method, Any, Any], Uncertainty] = uncertainty_of,
 ) -> Any:
-    """The series computed from the stages of a method, or from its chain of flows; decimals have an `uncertainty`."""
+    """The series computed from the stages of a method, or from its chain of flows; digits give an `uncertainty`."""
     values, digits = values_of(inputs), method.digits
-    errors = uncertainty(method, inputs, basis) if digits is not None and inputs.kind == "rational" else None
+    errors = uncertainty(method, inputs, basis) if digits is not None and inputs.kind in ("rational", "float") else None
     kind = BSeries if isinstance(basis, TreeTable) else Series
     made = kind(basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
     if empty == 1 and isinstance(made, BSeries) and isinstance(inputs, ExactStages):

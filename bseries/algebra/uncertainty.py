@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from functools import cached_property, partial
 from itertools import pairwise
 from types import SimpleNamespace
@@ -197,7 +198,7 @@ def _entries(method: Method, stages: MethodStages, order: int) -> Entries:
 
 def _error(x: Any, digits: int) -> float:
     """Half a unit of the last digit of an entry."""
-    return ROUNDING * float(half_unit(x, min(digits, MOST_DIGITS)))
+    return ROUNDING * float(half_unit(Fraction(x), min(digits, MOST_DIGITS)))
 
 
 def _relative(values: Sequence[float], errors: Sequence[float]) -> float:

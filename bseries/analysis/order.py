@@ -252,7 +252,7 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 
 def trusted(method: Method) -> Method:
-    """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits."""
+    """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits, or fewer if it says so."""
     if inputs_of(method.step if isinstance(method, RepeatedProgram) else method, 1).kind != "float":
         return method
     if isinstance(method, RungeKutta):
@@ -262,7 +262,7 @@ def trusted(method: Method) -> Method:
     if isinstance(method, PartitionedRungeKutta):
         parts = [trusted(part) for part in method.partitions]
         return PartitionedRungeKutta(dict(zip(method.names, parts, strict=True)), name=method.name)  # pyright: ignore[reportArgumentType]
-    return as_decimals(method.program, FLOAT_DIGITS)
+    return as_decimals(method.program, min(method.digits or FLOAT_DIGITS, FLOAT_DIGITS))
 
 
 def error_coefficients(method: Method | str, order: int | None = None) -> ErrorCoefficients:

@@ -208,7 +208,7 @@ class DifferentialRing(GeneratedRing):
         if key not in self._functions:
             basic = self.from_terms(row)
             sine, cosine = (getattr(sympy, name)(self.expression(basic)) for name in family[:2])
-            if sine.is_algebraic and cosine.is_algebraic:
+            if sine.is_number and sine.is_algebraic and cosine.is_algebraic:
                 self._functions[key] = self.element(sine), self.element(cosine)
             else:
                 pair = self.add_pair(sine, cosine, basic, 1 if family is CIRCULAR else -1)

@@ -115,7 +115,7 @@ class Evidence(NamedTuple):
         over = f"over t = {self.time:.6g}"
         if self.energy is None:
             return f"the energy leaves all bounds at t = {self.time:.6g}"
-        changes = f"{over} the energy changes by {self.energy.mean * self.time:.2g}"
+        change = float(np.sign(self.h)) * self.energy.end
         beyond = "" if self.is_predicted else ", which the modified equation does not predict"
         term = "the modified equation" if self.leading is None else self.leading.name
         doubt = (
@@ -124,8 +124,8 @@ class Evidence(NamedTuple):
         return {
             BOUNDED: f"the energy oscillates as predicted, and {over} its variance is saturated",
             LINEAR: f"the mean of dH~/dt along the run is not zero{beyond}",
-            UNSTEADY: f"{changes}, in one direction but at no steady rate{beyond}",
-            SQUARE_ROOT: f"the mean of dH~/dt along the run is zero within its error, but its integral spreads{beyond}",
+            UNSTEADY: f"{over} the energy changes by {change:.2g} and does not come back, at no steady rate{beyond}",
+            SQUARE_ROOT: f"the integral of dH~/dt along the run spreads as a random walk does, along no line{beyond}",
             UNSEEN: f"no drift of the energy is seen {over}, but {doubt}",
         }[self.kind]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from math import lcm, prod
+from math import comb, lcm, prod
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ MAX_ARGUMENT = 10_000
 LARGEST_NUMBER = 10**1000
 """Largest number whose power, exponential or sine is formed where numbers are put for symbols, or computed in many
 digits: beyond it these take longer and longer, and then all memory, as sin(exp(exp(30))) does."""
+HYPERBOLIC = {"sinh", "cosh", "tanh"}
+MOST_PARTS = 2_000
+"""Largest number of terms, times the degree, of a power with real and imaginary parts in a hyperbolic function."""
 MAX_NESTING = 6
 """Largest nesting depth of powers and functions, since SymPy takes exponential time to determine signs."""
 MOST_DEGREE = 16
@@ -184,10 +187,20 @@ def apply(name: str, argument: Exact) -> Exact:
     import sympy
 
     x = _limited_argument(sympy.sympify(argument, strict=True))
+    if name in HYPERBOLIC and any(map(_expands_widely, x.atoms(sympy.Pow))):
+        raise ArithmeticError(f"has a power that is too large within {name}")
     inverses = sympy.asin, sympy.acos, sympy.atan, sympy.asinh, sympy.acosh, sympy.atanh
     if x.has(*inverses) and _bits(x) > MAX_RADICAND_BITS // 2:  # SymPy writes sin(atan(x)) with √(1 + x²)
         raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
     return bounded(getattr(sympy, name)(x))
+
+
+def _expands_widely(power: Any) -> bool:
+    """Whether a power is too large for SymPy, which expands imaginary parts to find out whether cosh(x) is real."""
+    if not power.exp.is_Rational or not power.free_symbols:
+        return False
+    degree, others = int(abs(power.exp)), 2 * len(power.base.as_ordered_terms()) - 1
+    return comb(degree + others, others) * degree > MOST_PARTS
 
 
 def _limited_argument(argument: Any) -> Any:

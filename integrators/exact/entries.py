@@ -21,6 +21,8 @@ Entry: TypeAlias = "Fraction | float | sympy.Expr"
 EntryRow: TypeAlias = tuple[Entry, ...]
 Matrix: TypeAlias = tuple[EntryRow, ...]
 FLOAT_PRECISION = 2.0**-50
+SHORT_FLOATS = {"float32": 7, "float16": 3, "bfloat16": 2}
+"""Significant digits of floats with less than double precision, by the names of their types."""
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 
 
@@ -161,6 +163,17 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     """The relative error of entries: 0 if exact, else that of the published digits or of doubles."""
     published = Fraction(0) if digits is None else Fraction(10, 10**digits)
     return max(published, FLOAT_PRECISION) if domain == "float" else published
+
+
+def digits_of(*values: Any) -> int | None:
+    """The fewest digits of floats with less than double precision in arrays and lists; None if there are none."""
+    found = []
+    for value in values:
+        if isinstance(value, list | tuple):
+            found.append(digits_of(*value))
+        else:
+            found.append(SHORT_FLOATS.get(str(getattr(value, "dtype", "")).removeprefix("torch.")))
+    return min(filter(None, found), default=None)
 
 
 def nearest_decimal(x: Any) -> Fraction:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import random
+import re
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from integrators.runs.storage import checksum
 from integrators.scenes.text import loads_scene
 
 UNSHOWN = ("\ud800x", "a\x1b[31m", "\x00", "a\x07", "a\u2028b", "\x85")
-SPACES = "\x1c\x1d\x1e\x1f\x85\u2028\xa0\u3000\x0b\t "
+SPACES = "\xa0\u3000\t\r\n "
+CONTROL = "\x1c\x1d\x1e\x1f\x85\u2028\x0b\x0c\0\x1b\x7f"
 
 
 def refused(call, *arguments, match=None, **options):
@@ -33,6 +35,13 @@ def refused(call, *arguments, match=None, **options):
 @pytest.mark.parametrize("space", SPACES, ids=ascii)
 def test_spaces_of_any_kind_around_levels(space):
     assert bs.Tree(f"[{space}0{space},{space}1{space}]") == bs.Tree("[0,1]")
+
+
+@pytest.mark.parametrize("text", ["[0{},1]", "[0,1]{}", "{}[0,1]", "[τ,{}τ]", "p[q{}]", "[0,1]:[0,{}1]"])
+@pytest.mark.parametrize("character", CONTROL, ids=ascii)
+def test_control_characters_are_no_spaces_in_trees(character, text):
+    place = f"has the control character {character!a} at position {text.index('{') + 1}"
+    refused(bs.Tree, text.format(character), match=re.escape(place))
 
 
 @pytest.mark.parametrize("text", UNSHOWN, ids=ascii)

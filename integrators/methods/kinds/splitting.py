@@ -11,7 +11,7 @@ from foundation.numbers import number_text
 from foundation.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
 from integrators.core.errors import IntegratorError, shown
-from integrators.exact.entries import Entry, read_entry, sum_entries
+from integrators.exact.entries import Entry, digits_of, read_entry, sum_entries
 from integrators.methods.programs.builder import (
     SECOND_ORDER,
     Labels,
@@ -35,7 +35,8 @@ class Splitting(ProgramMethod):
             order of their first occurrence.
         parameters: the symbols allowed in formulas.
         name, reference: the name in messages, and the source.
-        digits: the number of correct significant digits of decimal coefficients.
+        digits: the number of correct significant digits of decimal coefficients; by default that of floats in single
+            or half precision.
 
     Raises:
         IntegratorError: a pair is invalid, its part is not in `parts`, or its coefficient is not a number or formula.
@@ -64,7 +65,9 @@ class Splitting(ProgramMethod):
         name: str | None = None, reference: str | None = None, digits: int | None = None,
     ) -> None:  # fmt: skip
         symbols = tuple(parameters)
-        pairs = [_read_flow(flow, i, symbols) for i, flow in enumerate(items(flows, "flows"), 1)]
+        given = items(flows, "flows")
+        digits = digits_of(*given) if digits is None else digits
+        pairs = [_read_flow(flow, i, symbols) for i, flow in enumerate(given, 1)]
         names = read_parts(in_color_order(dict.fromkeys(part for part, _ in pairs)) if parts is None else parts)
         for part, _ in pairs:
             if part not in names:

@@ -39,7 +39,8 @@ class RungeKutta(Method):
         embedded: a second row of weights for error estimates, or a sequence of rows; stored as a tuple of rows.
         parameters: the symbols allowed in formulas.
         name, reference: the name of the method in messages, and its publication.
-        digits: the number of correct significant digits of a tableau published as decimals; None if it is exact.
+        digits: the number of correct significant digits of a tableau published as decimals; None if it is exact, or
+            in doubles. By default 7 for entries in single precision, 3 in half precision.
         warn: whether to emit a `TableauWarning` for each of `issues`.
 
     Raises:
@@ -68,6 +69,7 @@ class RungeKutta(Method):
         self, A: Any, b: Any, c: Any = None, *, embedded: Any = None, parameters: Iterable[str] = (),
         name: str | None = None, digits: int | None = None, reference: str | None = None, warn: bool = True,
     ) -> None:  # fmt: skip
+        digits = entries.digits_of(A, b, c, embedded) if digits is None else digits
         matrix, weights, nodes, extra = _read_tableau(A, b, c, embedded, check_names(parameters, "parameters"), digits)
         nodes = nodes or tuple(map(entries.sum_entries, matrix))
         self.__dict__.update(A=matrix, b=weights, c=nodes, embedded=extra, digits=digits, algebra=None)

@@ -15,7 +15,7 @@ from rounded_methods import cases, rounded, unit
 import bseries as bs
 from bseries.analysis.report import structure_of
 from bseries.analysis.rounding import RoundedOrder, rounded_order
-from integrators import PartitionedRungeKutta, RungeKutta
+from integrators import PartitionedRungeKutta, RungeKutta, Splitting
 from integrators.exact.entries import half_unit
 from integrators.methods.catalogue.registry import catalogue
 
@@ -177,6 +177,25 @@ def test_rounded_numbers_are_recognised_however_they_are_written(how):
     assert bs.order_of(sdirk(write, digits=digits)) == 2
     report = bs.check(sdirk(write))
     assert report.rounded == (None if report.order == 2 else (2, digits))
+
+
+@pytest.mark.parametrize("array", [False, True])
+def test_single_precision_says_how_many_digits_it_has(array):
+    diagonal, other = np.float32(DIAGONAL), np.float32(OTHER)
+    A, b = [[diagonal, 0], [other, diagonal]], [other, diagonal]
+    method = RungeKutta(np.array(A, np.float32), np.array(b, np.float32)) if array else RungeKutta(A, b)
+    report, field = bs.check(method), bs.modified_equation(method, 3)
+    assert (method.digits, bs.order_of(method), report.order, report.rounded) == (7, 2, 2, None)
+    assert field.is_zero("[τ]")
+    assert not field.is_zero("[τ,τ]")
+    assert bs.symmetry(method, 4).order == bs.symmetry(sdirk(float), 4).order
+    third, half = np.float32(1 / 3), np.float32(1 / 2)
+    splitting = Splitting([("p", third), ("q", half), ("p", third), ("q", half), ("p", third)])
+    assert (splitting.digits, bs.order_of(splitting)) == (7, 2)
+    wrong = Splitting([("p", third), ("q", half), ("p", third), ("q", half), ("p", third + np.float32(1e-6))])
+    assert bs.order_of(wrong) == 0
+    flows = [("p", 0.333333), ("q", 0.5), ("p", 0.333333), ("q", 0.5), ("p", 0.333333)]
+    assert [bs.order_of(Splitting(flows, digits=digits)) for digits in (None, 6)] == [0, 2]
 
 
 def test_a_number_has_the_same_uncertainty_however_it_is_written():

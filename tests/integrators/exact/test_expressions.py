@@ -208,6 +208,18 @@ def test_refused_expressions(text, message):
         parse_expression(text, names=["q"])
 
 
+@pytest.mark.parametrize("inner", ["q^99", "(q + r)^10", "1/(q + r)^20", "exp(q^60)", "sqrt((q + r)^19)", "q^50*r^49"])
+def test_powers_that_sympy_would_expand_are_refused_in_hyperbolic_functions(inner):
+    for name in ("sinh", "cosh", "tanh"):
+        with pytest.raises(IntegratorError, match=f"a power that is too large within {name} at position 5"):
+            parse_expression(f"sin({name}({inner}))", names=["q", "r"])
+    q, r = sympy.symbols("q r")
+    assert parse_expression("log(cosh((q + r)^4) + sinh(q^20))", names=["q", "r"]) == sympy.log(
+        sympy.cosh((q + r) ** 4) + sympy.sinh(q**20)
+    )
+    assert parse_expression(f"cos(exp({inner}))", names=["q", "r"]).has(q)
+
+
 def test_functions_can_be_restricted():
     assert parse_expression("sin(q)", names=["q"], functions=["sin"]) == sympy.sin(sympy.Symbol("q"))
     with pytest.raises(IntegratorError, match="unknown name 'cos'"):
