@@ -12,7 +12,7 @@ from bseries.figures.options import read_count, read_methods, read_number, read_
 from bseries.figures.words import column_names, name_of, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
-from foundation.printed_names import printed_name
+from integrators.runs.titles import printed_name
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
