@@ -19,8 +19,8 @@ from functools import reduce
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from bseries.exact.domains import flint_polynomial
-from bseries.exact.number_fields import NoNumberFieldError, domain_of
+from bseries.exact.domains import NumberField
+from bseries.exact.number_fields import NoNumberFieldError, domain_of, enclosure
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.polynomials import (
     ONE,
@@ -141,27 +141,6 @@ class Inexact(Arithmetic):
         return f"{rounded:f}" if -4 <= rounded.adjusted() < digits else f"{rounded:e}"
 
 
-class NumberField:
-    """The field Q(θ) of a real root θ, a SymPy number, of an irreducible polynomial, the `modulus`."""
-
-    def __init__(self, modulus: fmpq_poly, generator: sympy.Expr) -> None:
-        self.modulus = modulus
-        self.generator = generator
-        self._enclosures: dict[int, arb] = {}
-
-    def enclose(self, bits: int) -> arb:
-        """An enclosure of θ: the real root of the modulus next to SymPy's value, which has some more digits."""
-        from flint import arb, ctx
-
-        if bits not in self._enclosures:
-            with ctx.workprec(bits):
-                near = arb(str(self.generator.evalf(bits)))
-                roots: list[Any] = self.modulus.complex_roots()
-                found = [root.real for root, _ in roots if root.imag == 0 and root.real.overlaps(near)]
-            self._enclosures[bits] = found[0] if len(found) == 1 else self.enclose(2 * bits)
-        return self._enclosures[bits]
-
-
 @dataclass(slots=True, eq=False)
 class RealAlgebraic(Arithmetic):
     """Element of a real number field: a polynomial in θ, the `residue` modulo the minimal polynomial of θ."""
@@ -212,7 +191,7 @@ def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
 
     with ctx.workprec(bits):
         if isinstance(element, RealAlgebraic):
-            return arb_poly(element.residue)(element.field.enclose(bits))
+            return arb_poly(element.residue)(enclosure(element.field.generator, bits))
         return arb(to_flint(element))
 
 
@@ -241,8 +220,8 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
 
 def real_algebraic(domain: Any, elements: Any) -> list[Fraction | RealAlgebraic]:
     """Elements of SymPy's number field; rational ones as `Fraction`s."""
-    field = NumberField(flint_polynomial(domain.mod.to_list()), domain.ext.as_expr())
-    residues = (flint_polynomial(element.to_list()) for element in elements)
+    field = NumberField(domain)
+    residues = map(field.number, elements)
     return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]
 
 
