@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from . import comparison
 from .report import pictures, show, to_markdown, to_summary
-from .results import KEPT, ROOT, file_name, kept_results, to_json
+from .results import KEPT, ROOT, Result, file_name, kept_results, to_json
 from .rivals import DEFAULT
 from .running import is_empty, run
 
@@ -76,8 +74,8 @@ def main(
             comparison.show(comparison.compare(_loaded(earlier[-1], "the result kept last"), result), console)
     if page:
         write_page(json.loads(to_json(result)), page)
-    if result["failed"]:
-        raise click.ClickException(f"every part must be measured, but {', '.join(result['failed'])} failed")
+    if failed := result.get("failed"):
+        raise click.ClickException(f"every part must be measured, but {', '.join(failed)} failed")
 
 
 @main.command()
@@ -112,7 +110,7 @@ def page_command(file: Path | None, output: Path) -> None:
     write_page(_loaded(file or kept[-1], "RESULT"), check_folder(output))
 
 
-def _loaded(path: Path, argument: str) -> dict[str, Any]:
+def _loaded(path: Path, argument: str) -> Result:
     try:
         return comparison.load_result(path, argument)
     except comparison.ResultError as error:
@@ -126,7 +124,7 @@ def check_folder(path: Path) -> Path:
     return path
 
 
-def write_page(result: Mapping[str, Any], page: Path) -> None:
+def write_page(result: Result, page: Path) -> None:
     """Write the page and its pictures."""
     from foundation.plotting import picture
     from integrators.core.text_files import atomic_write

@@ -9,8 +9,9 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from .kinds import Row
 from .report import figure_rows, to_markdown
-from .results import KIND
+from .results import KIND, Result
 from .texts import amount
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Comparison(NamedTuple):
     went: list[str]
 
 
-def load_result(path: Path, argument: str) -> dict[str, Any]:
+def load_result(path: Path, argument: str) -> Result:
     """Read a result.
 
     Args:
@@ -83,12 +84,12 @@ def load_result(path: Path, argument: str) -> dict[str, Any]:
     """
     wanted = f"{argument} must be a result of `python -m benchmarks`, but {str(path)!r:.120}"
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
+        result: Any = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ResultError(f"{wanted} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError):
         raise ResultError(f"{wanted} is no JSON") from None
-    if not isinstance(result, dict) or result.get("kind") != KIND:
+    if not _is_result(result):
         raise ResultError(f"{wanted} is something else")
     try:
         compare(result, result)
@@ -98,7 +99,11 @@ def load_result(path: Path, argument: str) -> dict[str, Any]:
     return result
 
 
-def values(result: Mapping[str, Any]) -> dict[str, Value]:
+def _is_result(data: Any) -> bool:
+    return isinstance(data, dict) and data.get("kind") == KIND
+
+
+def values(result: Result) -> dict[str, Value]:
     """Everything measured, under names that stay from run to run."""
     found = {row["name"]: _time(row) for row in result["rows"]}
     for row in figure_rows(result):
@@ -130,17 +135,17 @@ def _paired(old: Mapping[str, Value], new: Mapping[str, Value], names: Iterable[
     return pairs
 
 
-def _time(row: Mapping[str, Any]) -> Value:
+def _time(row: Row) -> Value:
     scatter = median(row["rounds"]) / min(row["rounds"])
     return Value(row["work"], float(row["seconds"]), loop=row["loop"], scatter=scatter)
 
 
-def _speeds(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, float]:
+def _speeds(old: Result, new: Result) -> dict[str, float]:
     before, after = ({row["name"]: row["seconds"] for row in result["rows"]} for result in (old, new))
     return {loop: after[f"calibration/{loop}"] / before[f"calibration/{loop}"] for loop in LOOPS}
 
 
-def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> Comparison:
+def compare(old: Result, new: Result) -> Comparison:
     """What has changed from one result to another.
 
     Times are divided by the time of a calibration loop, that of the interpreter for commands and for what is short, so

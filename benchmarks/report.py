@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from .kinds import Row, Study, Table
 from .parts import PARTS
-from .results import quotient
+from .results import Result, quotient
 from .texts import amount, duration, memory, times
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Section(NamedTuple):
     picture: str | None = None
 
 
-def sections(result: Mapping[str, Any]) -> list[Section]:
+def sections(result: Result) -> list[Section]:
     """All sections that are not empty; where a part has several, only its first has a title."""
     found = [
         Section("Time and peak memory", "", [Table("", MEASURED, [_time_cells(row) for row in result["rows"]])]),
@@ -45,7 +45,7 @@ def sections(result: Mapping[str, Any]) -> list[Section]:
     return [section for section in found if any(table.rows for table in section.tables)]
 
 
-def _parts(result: Mapping[str, Any]) -> Iterable[Section]:
+def _parts(result: Result) -> Iterable[Section]:
     for part in PARTS:
         title = part.title
         for study in part.studies:
@@ -73,7 +73,7 @@ def _figure_cells(row: Row) -> list[str]:
     return [row["work"], bar, amount(row["value"], row["unit"]), times(quotient(row["value"], row["bar"]))]
 
 
-def _others(result: Mapping[str, Any]) -> Table:
+def _others(result: Result) -> Table:
     cells = [
         [
             f"{row['package']} {row['version'] or ''}".strip(),
@@ -88,7 +88,7 @@ def _others(result: Mapping[str, Any]) -> Table:
     return Table("", [*COMPARED, "bar"], cells)
 
 
-def _published(result: Mapping[str, Any]) -> Table:
+def _published(result: Result) -> Table:
     cells = [
         [row["package"], row["work"], duration(row["seconds"]), duration(row["ours"]), times(row["ratio"])]
         for row in result["published"]
@@ -96,7 +96,7 @@ def _published(result: Mapping[str, Any]) -> Table:
     return Table("", COMPARED, cells)
 
 
-def missed_bars(result: Mapping[str, Any]) -> tuple[int, list[str]]:
+def missed_bars(result: Result) -> tuple[int, list[str]]:
     """How many bars there are, and the works that missed theirs."""
     verdicts = [(row["work"], row["ratio"] <= 1) for row in result["rows"] if row["ratio"] is not None]
     verdicts += [
@@ -115,7 +115,7 @@ def missed_bars(result: Mapping[str, Any]) -> tuple[int, list[str]]:
     return len(verdicts), [work for work, met in verdicts if not met]
 
 
-def figure_rows(result: Mapping[str, Any]) -> list[Row]:
+def figure_rows(result: Result) -> list[Row]:
     """The figures of measurements and those that studies give."""
     derived = [
         {"name": study.name, **figure._asdict()}
@@ -126,12 +126,12 @@ def figure_rows(result: Mapping[str, Any]) -> list[Row]:
     return [*result["figures"], *derived]
 
 
-def sources(result: Mapping[str, Any]) -> list[str]:
+def sources(result: Result) -> list[str]:
     """Where the published figures are from."""
     return list(dict.fromkeys(f"{row['package']}: {row['source']}" for row in result["published"]))
 
 
-def heading(result: Mapping[str, Any]) -> list[str]:
+def heading(result: Result) -> list[str]:
     """The lines above the tables."""
     lines = [f"{name}: {value}" for name, value in result["environment"].items()]
     total, missed = missed_bars(result)
@@ -140,7 +140,7 @@ def heading(result: Mapping[str, Any]) -> list[str]:
     return lines + [f"failed: {name}: {message}" for name, message in result.get("failed", {}).items()]
 
 
-def show(result: Mapping[str, Any], console: Console) -> None:
+def show(result: Result, console: Console) -> None:
     """Print the tables."""
     for line in heading(result):
         console.print(line, highlight=False, soft_wrap=True)
@@ -171,7 +171,7 @@ def picture_file(name: str) -> str:
     return f"pictures/benchmarks-{name}.svg"
 
 
-def to_markdown(result: Mapping[str, Any]) -> str:
+def to_markdown(result: Result) -> str:
     """The tables as a page, with links to the pictures."""
     page = ["# Benchmarks", "", ABOUT, "", *(f"- {line}" for line in heading(result))]
     for section in sections(result):
@@ -187,9 +187,9 @@ def to_markdown(result: Mapping[str, Any]) -> str:
     return "\n".join(page) + "\n"
 
 
-def to_summary(result: Mapping[str, Any]) -> str:
+def to_summary(result: Result) -> str:
     """The committed page: a row for each section, and the comparison with other packages."""
-    found: dict[str, list[list[str]]] = {}
+    found: dict[str, list[Sequence[str]]] = {}
     title = ""
     for section in sections(result):
         title = section.title or title
@@ -217,7 +217,7 @@ def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(escaped)} |"
 
 
-def pictures(result: Mapping[str, Any]) -> dict[str, Picture]:
+def pictures(result: Result) -> dict[str, Picture]:
     """The pictures of the page, each with the name of its file."""
     return {
         picture_file(study.name): study.draw(rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 from .kinds import Case, Row
 from .rivals import PUBLISHED, Published, Rival
@@ -18,6 +18,21 @@ SHORT = 1e-3
 """Seconds: what takes less is mostly the interpreter's time."""
 
 
+class Result(TypedDict):
+    """Everything that one run has found, ready for JSON."""
+
+    schema: int
+    kind: str
+    environment: dict[str, str]
+    rows: list[Row]
+    figures: list[Row]
+    studies: dict[str, list[Row]]
+    rivals: list[Row]
+    published: list[Row]
+    failed: NotRequired[dict[str, str]]
+    seconds: NotRequired[dict[str, tuple[float, float]]]
+
+
 def collect(
     cases: Sequence[Case],
     rivals: Mapping[Rival, str | None],
@@ -25,7 +40,7 @@ def collect(
     environment: Mapping[str, str],
     figures: Sequence[Row] = (),
     studies: Mapping[str, list[Row]] | None = None,
-) -> dict[str, Any]:
+) -> Result:
     """Everything that one run has found, ready for JSON."""
     fastest = {name: best(taken) for name, taken in samples.items()}
     return {
@@ -85,7 +100,7 @@ def quotient(number: float | None, other: float | None) -> float | None:
     return number / other if number is not None and other else None
 
 
-def to_json(result: Mapping[str, Any]) -> str:
+def to_json(result: Result) -> str:
     """The data as JSON: floats with four digits, each row of a list on a line of its own."""
     return _indented(_rounded(result), depth=3) + "\n"
 
@@ -117,7 +132,7 @@ def kept_results(folder: Path = KEPT) -> list[Path]:
     return sorted(folder.glob("*.json"))
 
 
-def file_name(result: Mapping[str, Any]) -> str:
+def file_name(result: Result) -> str:
     """What the file of a result is called, after its date and commit, so that names sort by date."""
     date, commit = (result["environment"].get(key, "unknown") for key in ("date", "commit"))
     return f"{date.removesuffix(' UTC').replace(' ', '-').replace(':', '')}-{commit}.json"

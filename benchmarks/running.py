@@ -14,7 +14,7 @@ from .cases import cases
 from .environment import environment
 from .kinds import Case, Measurement, Row, Study
 from .parts import PARTS
-from .results import collect
+from .results import Result, collect
 from .rivals import rival_cases, rival_versions
 from .texts import duration
 from .timing import Sample, interleave
@@ -34,7 +34,7 @@ def is_empty(pattern: str, full: bool) -> bool:
     return not (chosen(cases(), pattern, full) or chosen(studies, pattern, full) or chosen(measurements, pattern, full))
 
 
-def run(pattern: str, full: bool, rounds: int, rivals: Path) -> dict[str, Any]:
+def run(pattern: str, full: bool, rounds: int, rivals: Path) -> Result:
     """Measure everything that is chosen.
 
     Args:
@@ -54,7 +54,8 @@ def run(pattern: str, full: bool, rounds: int, rivals: Path) -> dict[str, Any]:
     measured = measure_parts(pattern, full, rivals, clocked)
     surroundings["took"] = clocked.sum()
     result = collect(rows, versions, samples, surroundings, measured.figures, measured.studies)
-    return {**result, "failed": measured.failed, "seconds": clocked.seconds}
+    result["failed"], result["seconds"] = measured.failed, clocked.seconds
+    return result
 
 
 def measure(selected: list[Case], rounds: int) -> dict[str, list[Sample]]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
-from foundation.printed_names import printed_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,8 +21,6 @@ SHADE = "#c6dbef"
 """Colour of regions, light enough for lines and text on it."""
 MANY = 10_000
 """Curves with more points are stored as images in PDF and SVG."""
-TITLE = 54
-"""Largest number of characters in a line of a title."""
 OVER_DATA: dict[str, Any] = {"loc": "best", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
 """Style of a legend inside the axes; curves do not cross its text."""
 BAR = 0.6
@@ -52,14 +48,6 @@ def draw_curves(
         ax.plot(x, y, label=name, rasterized=len(y) > MANY, **own)
     if first + len(curves) > 1:
         draw_legend(ax)
-
-
-def write_title(ax: Axes, text: str) -> None:
-    """Write a title, wrapped for narrow figures, in place of any other; `$` in names does not begin a formula."""
-    for place in ("left", "center", "right"):
-        ax.set_title("", loc=place)
-    text = printed_text(text.removeprefix("the ")).replace(" = ", "\xa0=\xa0")
-    ax.set_title(fill(text, TITLE), parse_math=False)
 
 
 GREEK = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import chain
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, series, series_to
@@ -34,6 +34,9 @@ from integrators.methods.programs.program import Method, RepeatedProgram, as_dec
 from trees.counting import check_order, count_trees
 from trees.table import TreeTable
 from trees.tree import Tree
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
 
 MOST_STRUCTURE_TREES = 1300
 """Structure is tested on tables up to this size."""
@@ -107,9 +110,9 @@ class ErrorCoefficients(NamedTuple):
     """
 
     order: int
-    terms: tuple[tuple[Tree, Any], ...]
-    norm_squared: Any
-    largest: Any
+    terms: tuple[tuple[Tree, Coefficient], ...]
+    norm_squared: Coefficient
+    largest: Coefficient | None
     names: tuple[str, ...] | None = None
 
     def __repr__(self) -> str:
@@ -310,7 +313,7 @@ def error_coefficients(method: Method | str, order: int | None = None) -> ErrorC
     )
 
 
-def _simple(value: Any) -> Any:
+def _simple(value: Coefficient) -> Coefficient:
     """Simplify a SymPy expression; other numbers are unchanged."""
     if isinstance(value, Fraction | float | RealAlgebraic):
         return value

@@ -33,6 +33,7 @@ from foundation.numbers import latex_number, number_text
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.errors import IntegratorError
+from integrators.exact.entries import EntryRow
 from integrators.exact.expressions import format_number
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -41,7 +42,7 @@ from trees.counting import check_order, count_trees
 MOST_STAGES = 30
 """Methods with more stages would take many seconds."""
 
-STABILITY: dict[str, Callable[[StabilityFunction], Any]] = {
+STABILITY: dict[str, Callable[[StabilityFunction], object]] = {
     "stability_function": str,
     "stability_at_infinity": lambda function: function.at_infinity,
     "linear_order": criteria.linear_order,
@@ -55,7 +56,7 @@ STABILITY: dict[str, Callable[[StabilityFunction], Any]] = {
     "imaginary_stability_interval": criteria.imaginary_stability_interval,
     "linear_ssp_coefficient": criteria.linear_ssp_coefficient,
 }
-CONTRACTIVITY: dict[str, Callable[[RungeKutta], Any]] = {
+CONTRACTIVITY: dict[str, Callable[[RungeKutta], object]] = {
     "algebraically_stable": criteria.is_algebraically_stable,
     "ssp_coefficient": criteria.ssp_coefficient,
 }
@@ -97,7 +98,7 @@ class Report(NamedTuple):
         return self.method.names if len(self.method.names) > 1 else None
 
     @property
-    def row_sums(self) -> tuple[tuple[Any, ...], ...]:
+    def row_sums(self) -> tuple[EntryRow, ...]:
         """Row sums of A for each part; in floats where they are roots of high degree."""
         parts = self.method.partitions if isinstance(self.method, RungeKutta | PartitionedRungeKutta) else ()
         return tuple((p.to_float() if p.algebra is not None and p.stages > 3 else p).row_sums for p in parts)
@@ -331,7 +332,7 @@ def tableau_properties(method: RungeKutta | str) -> dict[str, Any]:
     return found | {"undecided": undecided}
 
 
-def _ready(value: Any) -> Any:
+def _ready(value: object) -> bool | int | str | None:
     """A value for JSON: numbers other than integers as text."""
     return value if value is None or isinstance(value, bool | int | str) else format_number(value)
 

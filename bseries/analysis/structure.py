@@ -73,7 +73,7 @@ class StructureConditions:
             pairs.append((u, v))
             self.breaks.append(min(row))
             self._norm = max(self._norm, sum(map(abs, row.values())))
-        self._start, self._tree, self._factor = (np.array(x, np.int64) for x in (starts, trees, factors))
+        self.start, self.trees, self.factors = (np.array(x, np.int64) for x in (starts, trees, factors))
         whole = np.array(pairs, np.int64).reshape(-1, 2)
         self._paired = np.flatnonzero(whole[:, 0] >= 0)
         self._first, self._second = np.ascontiguousarray(whole[self._paired].T)
@@ -96,7 +96,7 @@ class StructureConditions:
             largest = max(int(values.max(initial=0)), -int(values.min(initial=0)))
             if largest * self._norm + flow * largest**2 >= 2**63:
                 values = values.astype(object)
-        sums = np.add.reduceat(values[self._tree] * self._factor, self._start[:-1])
+        sums = np.add.reduceat(values[self.trees] * self.factors, self.start[:-1])
         if flow:
             sums[self._paired] -= values[self._first] * values[self._second]
         return sums.tolist()
@@ -108,9 +108,9 @@ class StructureConditions:
         uncertainty: Any = s.uncertainty
         if not self.breaks:
             return []
-        start, factors = self._start[:-1], self._factor
-        changes = np.add.reduceat(uncertainty.changes[self._tree] * factors[:, None], start)
-        rest = np.add.reduceat(uncertainty.rest[self._tree] * abs(factors), start)
+        start, factors = self.start[:-1], self.factors
+        changes = np.add.reduceat(uncertainty.changes[self.trees] * factors[:, None], start)
+        rest = np.add.reduceat(uncertainty.rest[self.trees] * abs(factors), start)
         if flow:  # the product of a(u) + δ(u) and a(v) + δ(v)
             values = np.array([to_float(x) for x in s.coefficients()])
             errors = np.array(worst_case(uncertainty.changes, uncertainty.rest))
@@ -516,7 +516,7 @@ class Structure(NamedTuple):
     """A structure test of `check`: the names of its verdict in reports, and whether it needs the field or the flow."""
 
     names: tuple[str, ...]
-    test: Callable[[BSeries], Any]
+    test: Callable[[BSeries], object]
     of_field: bool = False
 
 

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
@@ -16,8 +16,14 @@ from foundation.machine_code import is_compiling
 from foundation.table import FORMATS, LazyRows, Table
 
 if TYPE_CHECKING:
+    from threading import Timer
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from rich.progress import Progress as Bars
+    from rich.progress import Task, TaskID
+
+T = TypeVar("T")
 NO_LATEX = tuple(name for name in FORMATS if name != "latex")
 """Formats of verbs that measure, whose results have no formulas."""
 SUFFIXES = {suffix: name for name, format_ in FORMATS.items() for suffix in format_.suffixes}
@@ -33,9 +39,9 @@ class Progress:
     """Draws a progress bar on stderr after `PATIENCE` seconds, if stderr is a terminal, and erases it at the end."""
 
     def __init__(self) -> None:
-        self._timer: Any = None
-        self._bar: Any = None
-        self._task: Any = None
+        self._timer: Timer | None = None
+        self._bar: Bars | None = None
+        self._task: TaskID | None = None
 
     def __enter__(self) -> Progress:
         if sys.stderr.isatty():
@@ -54,7 +60,7 @@ class Progress:
         class Work(ProgressColumn):
             """What is being done at this moment."""
 
-            def render(self, task: Any) -> str:
+            def render(self, task: Task) -> str:
                 return COMPILING if is_compiling() else task.description
 
         columns = Work(), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
@@ -65,7 +71,7 @@ class Progress:
 
     def update(self, done: int, total: int) -> None:
         """Show the part of the writing that is done; before the first call the bar is indeterminate."""
-        if self._bar is not None:
+        if self._bar is not None and self._task is not None:
             self._bar.update(self._task, description="writing", completed=done, total=total)
 
     def say(self, text: str) -> None:
@@ -138,7 +144,7 @@ class Output(NamedTuple):
     def _tracked(self, table: Table) -> Table:
         """The table with rows that update the progress bar."""
 
-        def track() -> Iterator[Any]:
+        def track() -> Iterator[object]:
             for done, row in enumerate(table.rows):
                 if done % 256 == 0:
                     self.progress.update(done, len(table.rows))
@@ -154,7 +160,7 @@ def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FO
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
     @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE, in the format of its suffix.")
     @functools.wraps(verb)
-    def write(*, format_: str | None, path: str | None, **options: Any) -> None:
+    def write(*, format_: str | None, path: str | None, **options: object) -> None:
         target = None if path == "-" else path
         with Progress() as progress:
             output = Output(_choose_format(format_, target, formats), target, progress)
@@ -174,7 +180,7 @@ def takes_text(flag: str, metavar: str, help: str) -> Callable[[Callable[..., No
     def decorate(write: Callable[..., None]) -> Callable[..., None]:
         @click.option(flag, "language", metavar=metavar, help=help)
         @functools.wraps(write)
-        def call(*, language: str | None, format_: str | None, **options: Any) -> None:
+        def call(*, language: str | None, format_: str | None, **options: object) -> None:
             if language is not None and format_ is not None:
                 raise Refusal(f"format must be left out where {flag} is given, but was {format_!r:.60}")
             write(language=language, format_=format_ if language is None else "table", **options)
@@ -221,17 +227,18 @@ class PlotFile(NamedTuple):
             save_picture(self.path, getattr(drawn, "figure", None) or drawn)
 
 
-def takes_plot(verb: Callable[..., Any]) -> Callable[..., Any]:
+def takes_plot(verb: Callable[..., T]) -> Callable[..., T]:
     """Add --plot FILE to a verb, which receives a `PlotFile` as `plot`."""
 
     @click.option("--plot", "path_of_plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
     @functools.wraps(verb)
-    def call(*, path_of_plot: str | None, **options: Any) -> Any:
+    def call(*, path_of_plot: str | None, **options: object) -> T:
         if path_of_plot is not None:
             from bseries.picture_files import check_picture
 
             check_picture(path_of_plot)
-            if options.get("path") is not None and os.path.realpath(options["path"]) == os.path.realpath(path_of_plot):
+            path = options.get("path")
+            if isinstance(path, str) and os.path.realpath(path) == os.path.realpath(path_of_plot):
                 raise Refusal(f"plot must be another file than that of -o, but both were {path_of_plot!r:.60}")
         return verb(plot=PlotFile(path_of_plot), **options)
 

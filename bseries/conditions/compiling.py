@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
 from bseries.conditions.formulas import named_blocks, read_arrays, stage_matrices
@@ -105,7 +106,7 @@ class Unknown(NamedTuple):
         return f"{self.argument}[{', '.join(map(str, self.at))}]"
 
 
-def _floats(array: Any, name: str) -> np.ndarray:
+def _floats(array: ArrayLike, name: str) -> np.ndarray:
     try:
         return np.asarray(array, float)
     except (TypeError, ValueError):
@@ -156,11 +157,11 @@ class CompiledConditions:
     def __repr__(self) -> str:
         return f"<CompiledConditions: {len(self._program.equations)} conditions, {len(self.unknowns)} unknowns>"
 
-    def pack(self, *arrays: Any) -> np.ndarray:
+    def pack(self, *arrays: ArrayLike) -> np.ndarray:
         """The unknowns as one vector, from arrays of coefficients."""
         return self._read(arrays)[self._columns]
 
-    def unpack(self, unknowns: Any) -> tuple[np.ndarray, ...]:
+    def unpack(self, unknowns: ArrayLike) -> tuple[np.ndarray, ...]:
         """The arrays for a vector of unknowns; entries that are not free are zero.
 
         Example:
@@ -179,7 +180,7 @@ class CompiledConditions:
         parts = np.split(flat, np.cumsum([math.prod(shape) for shape in shapes])[:-1])
         return tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
 
-    def residual(self, *arrays: Any) -> np.ndarray:
+    def residual(self, *arrays: ArrayLike) -> np.ndarray:
         """Left-hand sides minus right-hand sides.
 
         Args:
@@ -198,7 +199,7 @@ class CompiledConditions:
         sums.compiled(np.uint64(self.stages), *terms, coefficients, value, result)
         return result
 
-    def jacobian(self, *arrays: Any) -> np.ndarray:
+    def jacobian(self, *arrays: ArrayLike) -> np.ndarray:
         """Derivatives of the residual with respect to the `unknowns`.
 
         The arrays are those of `residual`. There is a row for each condition, a column for each unknown.
@@ -210,11 +211,11 @@ class CompiledConditions:
         gradients.compiled(np.uint64(self.stages), *terms, value, self._columns, derivatives, result)
         return result
 
-    def _read(self, arrays: Sequence[Any]) -> np.ndarray:
+    def _read(self, arrays: Sequence[ArrayLike]) -> np.ndarray:
         """All entries of all arrays."""
         return np.concatenate([x.ravel() for x in read_arrays(self._program, arrays, self.stages, _floats)])
 
-    def _evaluated(self, arrays: Sequence[Any], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
+    def _evaluated(self, arrays: Sequence[ArrayLike], operations: Tables) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, followed by the stage matrices, and the values of operations."""
         flat = self._read(arrays)
         flat[self._excluded] = 0.0

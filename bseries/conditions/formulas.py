@@ -13,7 +13,7 @@ from functools import reduce
 from itertools import groupby
 from math import prod
 from operator import add
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.conditions.condition_program import (
     BANDS,
@@ -31,7 +31,12 @@ from foundation.numbers import latex_number
 from trees.counting import check_order
 from trees.formulas import factor_text, index_letters
 
-Blocks = Sequence[Any]
+if TYPE_CHECKING:
+    import numpy as np
+    import sympy
+    from numpy.typing import ArrayLike
+
+Blocks = Sequence["np.ndarray"]
 Shape = tuple[int, ...]
 
 MOST_STAGES = 1000
@@ -121,13 +126,16 @@ def check_stages(stages: object) -> int:
 
 
 def read_arrays(
-    program: ConditionProgram, arrays: Sequence[Any], stages: int | None, read: Callable[[Any, str], Any] | None = None
-) -> list[Any]:
+    program: ConditionProgram,
+    arrays: Sequence[ArrayLike],
+    stages: int | None,
+    read: Callable[[ArrayLike, str], np.ndarray] | None = None,
+) -> list[np.ndarray]:
     """Read arrays of coefficients, by default of exact numbers, for a number of stages or that of the first array."""
     if len(arrays) != len(program.arguments):
         names = ", ".join(argument.name for argument in program.arguments)
         raise SeriesError(f"arguments must be {names}, but were {len(arrays)}")
-    found: list[Any] = []
+    found: list[np.ndarray] = []
     for argument, given in zip(program.arguments, arrays, strict=True):
         found.append((read or _read_exact)(given, argument.name))
         shape = argument.shape(found[0].shape[-1] if stages is None else stages)
@@ -136,13 +144,13 @@ def read_arrays(
     return found
 
 
-def read_blocks(program: ConditionProgram, arrays: Sequence[Any], stages: int | None) -> Blocks:
+def read_blocks(program: ConditionProgram, arrays: Sequence[ArrayLike], stages: int | None) -> Blocks:
     """Read arrays of exact coefficients, as an array for each block."""
     read = zip(program.arguments, read_arrays(program, arrays, stages), strict=True)
     return [block for argument, array in read for block in (array if argument.is_stack else [array])]
 
 
-def _read_exact(values: Any, name: str) -> Any:
+def _read_exact(values: ArrayLike, name: str) -> Any:
     """An array of numbers or expressions; decimals become fractions, which mix with other numbers."""
     import numpy as np
 
@@ -163,9 +171,7 @@ def _read_exact(values: Any, name: str) -> Any:
     return fractions(array)
 
 
-def named_blocks(
-    program: ConditionProgram, stages: int, name: Callable[[CoefficientBlock, tuple[int, ...]], Any]
-) -> Blocks:
+def named_blocks(program: ConditionProgram, stages: int, name: Callable[[CoefficientBlock, Shape], object]) -> Blocks:
     """The entries of every block by their names; 0 where the structure excludes them."""
     import numpy as np
 
@@ -186,7 +192,7 @@ def symbols(program: ConditionProgram, stages: int) -> Blocks:
     return named_blocks(program, stages, symbol)
 
 
-def stage_matrices(program: ConditionProgram, blocks: Blocks) -> list[Any]:
+def stage_matrices(program: ConditionProgram, blocks: Blocks) -> list[np.ndarray]:
     """The stage matrices: sums of blocks, or triangular matrices of ones."""
     import numpy as np
 
@@ -199,7 +205,9 @@ def stage_matrices(program: ConditionProgram, blocks: Blocks) -> list[Any]:
     ]
 
 
-def left_sides(program: ConditionProgram, blocks: Blocks, row_sums: Mapping[int, Any] | None = None) -> list[Any]:
+def left_sides(
+    program: ConditionProgram, blocks: Blocks, row_sums: Mapping[int, np.ndarray] | None = None
+) -> list[Any]:
     """The left-hand sides of all equations; row sums of stage matrices may be given as symbols."""
     import numpy as np
 
@@ -236,7 +244,7 @@ def equations(program: ConditionProgram, blocks: Blocks, *, nodes: bool) -> list
     return found + definitions
 
 
-def _nodes(program: ConditionProgram, blocks: Blocks) -> tuple[dict[int, Any], list[Any]]:
+def _nodes(program: ConditionProgram, blocks: Blocks) -> tuple[dict[int, np.ndarray], list[Any]]:
     """Symbols for the row sums of each stage matrix, and their definitions."""
     import sympy
 
@@ -338,13 +346,13 @@ def _scalar_source(program: ConditionProgram, title: str, in_c: bool, stages: in
         raise SeriesError(f"stages must be fewer, or language numpy: the Jacobian has {size:,} entries to write")
     comment = "//" if in_c else "#"
 
-    def symbol(block: CoefficientBlock, at: Shape) -> Any:
+    def symbol(block: CoefficientBlock, at: Shape) -> sympy.Symbol:
         return _entry(block.argument.name, (*block.stack, *at), block.argument.shape(stages), in_c)
 
     blocks = named_blocks(program, stages, symbol)
     left = [equation.lhs - equation.rhs for equation in equations(program, blocks, nodes=False)]
     arguments = [argument.name for argument in program.arguments]
-    entries: dict[Shape, Any] = {(k,): value for k, value in enumerate(left)}
+    entries: dict[Shape, sympy.Expr] = {(k,): value for k, value in enumerate(left)}
     lines = [f"{comment} {title}", "", *_function("residual", arguments, "r", (len(left),), entries, in_c)]
     if jacobian:
         unknowns = [blocks[k][at] for k, at in program.free_entries(stages)]
@@ -356,7 +364,7 @@ def _scalar_source(program: ConditionProgram, title: str, in_c: bool, stages: in
     return lines
 
 
-def _entry(name: str, at: Shape, shape: Shape, in_c: bool) -> Any:
+def _entry(name: str, at: Shape, shape: Shape, in_c: bool) -> sympy.Symbol:
     """An entry of an array as a symbol."""
     from sympy import Symbol
 
@@ -366,7 +374,7 @@ def _entry(name: str, at: Shape, shape: Shape, in_c: bool) -> Any:
 
 
 def _function(
-    name: str, arguments: list[str], result: str, shape: Shape, entries: dict[Shape, Any], in_c: bool
+    name: str, arguments: list[str], result: str, shape: Shape, entries: dict[Shape, sympy.Expr], in_c: bool
 ) -> list[str]:
     """A function that assigns entries of its result, after what they share."""
     from sympy import cse, numbered_symbols

@@ -30,6 +30,9 @@ from trees.table import tree_table
 from trees.tree import Tree
 
 if TYPE_CHECKING:
+    import sympy
+    from numpy.typing import ArrayLike
+
     from bseries.conditions.compiling import CompiledConditions
 
 SCALAR = ("autonomous", "nonautonomous")
@@ -66,7 +69,7 @@ class OrderCondition(ImmutableValue):
         self.__dict__.update(trees=trees, right=equation.right, _program=program, _equation=equation)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.trees, self.left, self.right
 
     @property
@@ -135,7 +138,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         self.__dict__.update(request=request, names=names, classes=tuple(map(tuple, classes)))
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.request
 
     @property
@@ -225,7 +228,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         lines = " \\\\\n".join(condition.to_latex().replace(" = ", " &= ") for condition in self)
         return f"\\begin{{align*}}\n{lines}\n\\end{{align*}}"
 
-    def residuals(self, *arrays: Any) -> list[Any]:
+    def residuals(self, *arrays: ArrayLike) -> list[Any]:
         """Left-hand sides minus right-hand sides, exactly for exact numbers.
 
         Args:
@@ -252,7 +255,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
             left = [sum(weight * s[tree] for weight, tree in weighted) for weighted in self._weighted]
         return [a - equation.right for a, equation in zip(left, self.program.equations, strict=True)]
 
-    def sympy(self, *arrays: Any, stages: int | None = None, nodes: bool = False) -> list[Any]:
+    def sympy(self, *arrays: ArrayLike, stages: int | None = None, nodes: bool = False) -> list[sympy.Eq]:
         """The conditions as SymPy equations.
 
         Args:

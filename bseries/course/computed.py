@@ -208,7 +208,7 @@ def _pendulum_time_mean() -> str:
 
 
 @cache
-def _atom_drifts() -> list[Any]:
+def atom_drifts() -> list[Any]:
     """Statistics of the rate (18), in units of h⁴, along trajectories of nine atoms in disorder."""
     import numpy as np
 
@@ -228,7 +228,7 @@ def _atom_means() -> str:
             str(k), f"{s.time:,.0f}",
             rf"${s.mean:.2f} \pm {s.error:.2f}$", rf"${s.diffusion:.0f} \pm {s.diffusion_error:.0f}$",
         ]
-        for k, s in enumerate(_atom_drifts(), 1)
+        for k, s in enumerate(atom_drifts(), 1)
     ]  # fmt: skip
     return _table(("start", "length in time", r"mean of $F/h^4$", "$D/h^8$"), rows)
 
@@ -238,7 +238,7 @@ _atoms = partial(figure_data, "lennard-jones-drift")
 
 def _predicted_deviation() -> str:
     """σ at the end of figure 8 by the diffusion of the rate, h⁴ √(2Dt), with the mean of D over the starts."""
-    data, found = _atoms(), _atom_drifts()
+    data, found = _atoms(), atom_drifts()
     diffusion = sum(s.diffusion for s in found) / len(found)
     return _scientific(data.h**4 * (2 * diffusion * data.t[-1]) ** 0.5, 2)
 

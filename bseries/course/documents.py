@@ -136,7 +136,7 @@ def typst_source(document: Element, title: str, layout: str, pictures: Pictures)
         kind, content = element["t"], element.get("c", ())
         if kind == "Math":
             formula, number = _untagged(element)
-            formula["c"][1] = DELIMITER.sub(_stretched, formula["c"][1])
+            formula["c"][1] = DELIMITER.sub(stretched, formula["c"][1])
             return [_raw("typst", f'#numbered("({number})")['), formula, _raw("typst", "]")] if number else [formula]
         images = [x["c"] for block in content[2] for x in block["c"] if x["t"] == "Image"] if kind == "Figure" else []
         for (_, classes, _), _, (address, _) in images:
@@ -176,7 +176,7 @@ def _figure_name(address: str) -> str | None:
     return address.removeprefix("figure:") if address.startswith("figure:") else None
 
 
-def _stretched(delimiter: re.Match[str]) -> str:
+def stretched(delimiter: re.Match[str]) -> str:
     """A delimiter of a given size as one that adapts to what is inside: pandoc would make typst lose its spacing."""
     side = {"l": "left", "r": "right"}[delimiter["size"] or delimiter["side"]]
     return f"\\{side}{'|' if delimiter['bar'] or delimiter['side'] else ''}"

@@ -14,6 +14,7 @@ from bseries.course.answer_kinds import MOST_NODES, AnswerKind, decisions, formu
 from bseries.course.answer_kinds import differentials as differentials_in
 
 if TYPE_CHECKING:
+    from integrators import Scene
     from integrators.methods.programs.program import Method
     from trees import Tree
 
@@ -45,18 +46,18 @@ def yes_no(found: Iterable[bool]) -> tuple[str, ...]:
 
 
 @cache
-def riccati(name: str) -> tuple[Any, ...]:
+def riccati(name: str) -> tuple[sympy.Expr, ...]:
     """The coefficients c_0, …, c_4 of the modified equation y' = Σ c_k h^k y^(k+2) of a method for y' = y²."""
     series = bs.modified_field(name, "riccati", 5)
     return tuple((series.symbolic(k)[0] / y ** (k + 2)).cancel() for k in range(5))
 
 
-def riccati_field(name: str) -> tuple[Any]:
+def riccati_field(name: str) -> tuple[sympy.Expr]:
     """The right-hand side of this equation."""
-    return (sum(c * h**k * y ** (k + 2) for k, c in enumerate(riccati(name))),)
+    return (sympy.Add(*(c * h**k * y ** (k + 2) for k, c in enumerate(riccati(name)))),)
 
 
-def lotka_volterra(power: int, name: str = "symplectic-euler-p") -> tuple[Any]:
+def lotka_volterra(power: int, name: str = "symplectic-euler-p") -> tuple[sympy.Expr]:
     """A term of the first integral of the modified equation of Lotka and Volterra's equations."""
     return (bs.modified_invariant(bs.modified_field(name, "lotka-volterra", 2)).terms[power],)
 
@@ -69,7 +70,7 @@ def has_integral(name: str) -> tuple[str, ...]:
         return yes_no([False])
 
 
-def abc_divergence(name: str, power: int) -> tuple[Any]:
+def abc_divergence(name: str, power: int) -> tuple[sympy.Expr]:
     """The divergence of a term of the modified equation of the ABC flow."""
     return (bs.fields.divergence(bs.modified_field(name, "abc-flow", power + 1), power),)
 
@@ -89,7 +90,7 @@ def _polar() -> Any:
     return bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
 
 
-def angular_momentum() -> tuple[Any]:
+def angular_momentum() -> tuple[sympy.Expr]:
     """p_phi in polar coordinates."""
     p_r, p_phi = sympy.symbols("p_r p_phi")
     equations = [sympy.Symbol(name) - _polar().formulas[name] for name in ("p1", "p2")]
@@ -113,7 +114,7 @@ def quartic_oscillator() -> tuple[Any]:
     return (_oscillator("q^4").hamiltonian,)
 
 
-def averaged_quartic() -> tuple[Any]:
+def averaged_quartic() -> tuple[sympy.Expr]:
     """The first term of its normal form."""
     linear = _oscillator("0")
     quartic = quartic_oscillator()[0] - linear.hamiltonian
@@ -129,7 +130,7 @@ def _field_nijhoff() -> Any:
 # Exercises 7, 9, 11 and 12: methods.
 
 
-def differentials(found: Method | str, nodes: int) -> dict[Tree, Any]:
+def differentials(found: Method | str, nodes: int) -> dict[Tree, sympy.Expr]:
     """The coefficients of elementary differentials in f_k, k = `nodes`, of the modified equation of a method."""
     series = bs.modified_equation(found, nodes)
     return {tree: series[tree] / tree.symmetry for tree in series if tree.order == nodes}
@@ -165,7 +166,7 @@ def extrapolated_euler(f: Any, y: Any, h: Any) -> Any:
 STEPS = (three_stages, taylor, extrapolated_euler)
 
 
-def adjoint_signs() -> tuple[Any, ...]:
+def adjoint_signs() -> tuple[sympy.Expr, ...]:
     """The numbers s_j with f_j* = s_j f_j for j = 2, …, 5, of the explicit Euler method."""
     euler = bs.method("explicit-euler")
     series, adjoint = bs.modified_equation(euler, 5), bs.modified_equation(bs.methods.adjoint_method(euler), 5)
@@ -244,26 +245,26 @@ def having(order: int, *, symplectic: bool) -> Callable[[bs.RungeKutta], str]:
 # Exercises 8 and 13: linear equations.
 
 
-def tall_coefficients(name: str) -> tuple[Any, ...]:
+def tall_coefficients(name: str) -> tuple[sympy.Expr, ...]:
     """The coefficients b_3, b_5 in y' = (A + h b_2 A² + …) y, those of tall trees."""
     series = bs.modified_equation(name, 5)
     return tuple(series[tree] for tree in series if tree.order in (3, 5) and tree.height == tree.order - 1)
 
 
-def numerical_frequency(name: str) -> tuple[Any]:
+def numerical_frequency(name: str) -> tuple[sympy.Expr]:
     """The frequency of a method for the oscillator (p² + ω² q²)/2; it is ω times that for ω = 1 with the step ωh."""
     closed = bs.hamiltonians.closed_hamiltonian(name, "harmonic-oscillator").expression(h)
     return ((closed / ((p**2 + q**2) / 2) * omega).cancel().subs(h, h * omega),)
 
 
-def radii(names: Iterable[str]) -> tuple[Any, ...]:
+def radii(names: Iterable[str]) -> tuple[sympy.Expr, ...]:
     """The radius of convergence of log R(z): the least modulus of a zero or a pole of R."""
     functions = [bs.stability_function(name) for name in names]
     products = [_polynomial(R.numerator, z) * _polynomial(R.denominator, z) for R in functions]
     return tuple(min(map(abs, sympy.roots(product, z))) for product in products)
 
 
-def _polynomial(coefficients: Iterable[Any], at: Any) -> Any:
+def _polynomial(coefficients: Iterable[object], at: sympy.Expr) -> sympy.Expr:
     """Σ c_k z^k."""
     return sympy.Add(*(sympy.sympify(c, strict=True) * at**k for k, c in enumerate(coefficients)))
 
@@ -289,7 +290,7 @@ def order_of_misprint() -> tuple[int]:
     return (bs.order_of(bs.RungeKutta(rows, ["1/8", "3/8", "3/8", "1/8"])),)
 
 
-def largest_energy_error() -> tuple[Any]:
+def largest_energy_error() -> tuple[sympy.Expr]:
     """The largest |H_2| of the symplectic Euler method on the pendulum's orbit from (5/2, 0), where H_2 = 0.
 
     On it p² = 2 (E + c) and sin² q = 1 − c² with c = cos q.
@@ -302,7 +303,7 @@ def largest_energy_error() -> tuple[Any]:
 
 
 @cache
-def splitting_coefficients() -> tuple[Any, ...]:
+def splitting_coefficients() -> tuple[sympy.Expr, ...]:
     """The coefficients of {T,{T,U}} and {U,{U,T}} for kicks γh, (1 − 2γ)h, γh between two drifts h/2."""
     drift = ("q", "1/2")
     flows = [("p", "gamma"), drift, ("p", "1 - 2*gamma"), drift, ("p", "gamma")]
@@ -310,14 +311,14 @@ def splitting_coefficients() -> tuple[Any, ...]:
     return brackets["T", "T", "U"], brackets["U", "U", "T"]
 
 
-def best_splitting() -> tuple[Any, ...]:
+def best_splitting() -> tuple[sympy.Expr, ...]:
     """γ for which the first one vanishes, and the value of the second one there."""
     first, second = (sympy.sympify(c, strict=True) for c in splitting_coefficients())
     (root,) = sympy.solve(first)
     return root, second.subs(gamma, root)
 
 
-def gradient_factor() -> tuple[Any]:
+def gradient_factor() -> tuple[sympy.Expr]:
     """κ for which a kick in the middle with U − κ h² |∇U|² cancels the rest: (1 − 2γ) κ is that rest."""
     root, rest = best_splitting()
     return (rest / (1 - 2 * root),)
@@ -326,7 +327,7 @@ def gradient_factor() -> tuple[Any]:
 # Exercise 16: the counter-example.
 
 
-def _pendulum(wave: str) -> Any:
+def _pendulum(wave: str) -> Scene:
     """A pendulum with a further wave in its potential."""
     return bs.parse_hamiltonian(f"p^2/2 - cos(q) + {wave}")
 

@@ -356,7 +356,12 @@ class NumberField(Exact):
     def __init__(self, field: Any):
         super().__init__()
         self.field = field
-        self._relation = flint_polynomial(field.mod.to_list())
+        self.minimal_polynomial = flint_polynomial(field.mod.to_list())
+
+    @property
+    def generator(self) -> sympy.Expr:
+        """The root of the minimal polynomial that generates the field, as a formula."""
+        return self.field.ext.as_expr()
 
     def number(self, value: Any) -> Any:
         """A rational number, or an element of the field."""
@@ -366,7 +371,7 @@ class NumberField(Exact):
         """A polynomial, or an int, as an element of the field."""
         if isinstance(value, int):
             return self.field.convert(value)
-        rest = value % self._relation
+        rest = value % self.minimal_polynomial
         return self.field([self.field.dom(int(x.p), int(x.q)) for x in reversed(rest.coeffs())])
 
 

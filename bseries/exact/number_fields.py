@@ -158,7 +158,7 @@ def _relation(numbers: Sequence[sympy.Expr], bits: int) -> list[int]:
     from flint import arb, ctx, fmpz_mat
 
     size = len(numbers)
-    balls = [_small_ball(x, size * bits) for x in numbers]
+    balls = [enclosure(x, size * bits) for x in numbers]
     with ctx.workprec(2 * MOST_BITS):
         last: list[Any] = [(x * arb(2) ** (size * bits)).mid().floor().unique_fmpz() for x in balls]
     reduced = fmpz_mat([[*(int(i == j) for j in range(size)), x] for i, x in enumerate(last)]).lll()
@@ -170,7 +170,7 @@ def is_zero(formula: sympy.Expr, degree: int) -> bool:
     size = _size(formula)
     bits = size.u * (degree - 1) + size.v
     accuracies = (min(bits, QUICK_BITS), bits + 1)
-    return bits <= MOST_BITS and all(_small_ball(formula, accuracy).contains(0) for accuracy in accuracies)
+    return bits <= MOST_BITS and all(enclosure(formula, accuracy).contains(0) for accuracy in accuracies)
 
 
 @lru_cache(maxsize=4096)
@@ -193,7 +193,7 @@ def _size(formula: sympy.Expr) -> Size:
 
 
 @lru_cache(maxsize=256)
-def _small_ball(formula: sympy.Expr, bits: int) -> arb:
+def enclosure(formula: sympy.Expr, bits: int) -> arb:
     """An enclosure of a number, of radius 2^-bits at most."""
     from flint import arb, ctx
 
@@ -252,7 +252,7 @@ def _index(theta: sympy.Expr, ascending: Sequence[int]) -> int:
     bits = 64
     while True:
         with ctx.workprec(bits):
-            ball = _small_ball(theta, bits)
+            ball = enclosure(theta, bits)
             found = [k for k, root in enumerate(_real_roots(ascending)) if root.overlaps(ball)]
         if len(found) == 1:
             return found[0]

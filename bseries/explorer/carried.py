@@ -32,7 +32,7 @@ def quiet() -> Iterator[None]:
         yield
 
 
-def orbit(stepper: Stepper, y0: Any, h: float, steps: int, every: int = 1) -> np.ndarray:
+def orbit(stepper: Stepper, y0: Sequence[float] | np.ndarray, h: float, steps: int, every: int = 1) -> np.ndarray:
     """The start and each `every`-th state of a run, (states, variables).
 
     They are not numbers after a failure, or after a state that is too far to be drawn.
@@ -61,7 +61,9 @@ def by_steps(stepper: Stepper, points: np.ndarray, h: float, counts: Sequence[in
     return np.stack([orbit(stepper, point, h, sum(counts), every)[places] for point in points.T], axis=2)
 
 
-def by_field(field: Callable[[Any, float], Any], h: float, points: np.ndarray, times: Any, longest: float) -> Any:
+def by_field(
+    field: Callable[[np.ndarray, float], np.ndarray], h: float, points: np.ndarray, times: np.ndarray, longest: float
+) -> np.ndarray:
     """Points moved by the flow of y' = field(y, h), with explicit steps of order 8 for all points at once.
 
     The result has the shape (times, variables, points), with the starts (variables, points) first; it is not numbers
@@ -95,7 +97,10 @@ def _tableau() -> tuple[np.ndarray, np.ndarray]:
     return np.array(tableau.A, float), np.array(tableau.b, float)
 
 
-def _steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
+def _steps(
+    field: Callable[[np.ndarray, float], np.ndarray], h: float, moved: np.ndarray, parts: np.ndarray, steps: np.ndarray,
+    A: np.ndarray, b: np.ndarray,
+) -> None:  # fmt: skip
     """Fill `moved`, rows of points at times, from its first entry on, as long as a point is near."""
     y, slopes = moved[0].ravel(), np.empty((len(b), moved[0].size))
     for j, step in enumerate(steps):
@@ -110,7 +115,7 @@ def _steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: 
 
 
 @cache
-def _compiled_steps() -> Any:
+def _compiled_steps() -> Callable[..., None]:
     """`_steps` of a compiled function (y, h, out) of rows of points."""
     from numba import types
 
@@ -119,7 +124,10 @@ def _compiled_steps() -> Any:
     cube, counts = types.Array(types.float64, 3, "C"), types.Array(types.int64, 1, "C")
 
     @njit(types.void(field, types.float64, cube, counts, numbers, rows, numbers), error_model="numpy")
-    def compiled_steps(field: Any, h: float, moved: Any, parts: Any, steps: Any, A: Any, b: Any) -> None:
+    def compiled_steps(
+        field: Callable[..., None], h: float, moved: np.ndarray, parts: np.ndarray, steps: np.ndarray,
+        A: np.ndarray, b: np.ndarray,
+    ) -> None:  # fmt: skip
         stage, slopes = np.empty(moved.shape[1:]), np.empty((len(b), *moved.shape[1:]))
         path, y_stage, flat = moved.reshape(len(moved), stage.size), stage.ravel(), slopes.reshape(len(b), stage.size)
         y = path[0].copy()

@@ -16,7 +16,7 @@ from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit,
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
-from integrators import reference_solution, stepper
+from integrators import Stepper, reference_solution, stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.methods.programs.program import Method
@@ -69,7 +69,7 @@ def angles(scene: Scene) -> tuple[int, ...]:
     return tuple(i for i in found if field.xreplace({scene.symbols[i]: scene.symbols[i] + 2 * sympy.pi}) == field)
 
 
-def area_primitive(scene: Scene) -> Any:
+def area_primitive(scene: Scene) -> sympy.Expr | None:
     """The formula A(p, q) with ∂A/∂p = 1/B, for two variables with the Poisson structure B; None for any other scene.
 
     The flow of a Poisson system preserves the integral of dp dq/B.
@@ -114,7 +114,7 @@ def largest_step(jacobian: np.ndarray) -> float:
     return float(f"{min(OSCILLATION / max(size, 1e-3), 2.0):.1g}")
 
 
-View = dict[str, dict[str, Any]]
+View = dict[str, dict[str, np.ndarray]]
 """Columns of `curve`, `patch` and `area`."""
 
 SAMPLES = 150
@@ -256,7 +256,7 @@ class SceneFlows:
         places = np.cumsum([0, *self._samples(h)])
         return {"curve": curve, **self._patch(moved[places, :, 1:], self._patch_times(h))}
 
-    def orbits(self, h: float) -> dict[str, Any]:
+    def orbits(self, h: float) -> dict[str, np.ndarray]:
         """Columns x and y: states of many numerical orbits, or with two degrees of freedom their section q1 = 0."""
         section, (steps, kept) = self.section, self._orbit_sizes
         columns = np.full((2, ORBITS, kept), np.nan)
@@ -278,7 +278,7 @@ class SceneFlows:
         return (ORBIT_STEPS, ORBIT_STEPS + 1) if self.section is None else (SECTION_STEPS, MOST_CROSSINGS)
 
     @cached_property
-    def _flow_stepper(self) -> Any:
+    def _flow_stepper(self) -> Stepper:
         return stepper(FLOW, self.scene)
 
     @cached_method

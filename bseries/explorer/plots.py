@@ -12,6 +12,10 @@ from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
+    from bokeh.model import Model
+    from bokeh.models import ColumnDataSource, Div, Slider, Toggle
+    from bokeh.plotting import figure as Figure
+    from jinja2 import Template
 
     from bseries.explorer.flows import SceneShape, View
     from bseries.explorer.method_facts import MethodFacts, StabilityShapes
@@ -36,22 +40,22 @@ class ScenePlots(NamedTuple):
     """Pictures of a scene, the sliders h, scale and terms, and the button `sweep` that moves h through its range."""
 
     fill: dict[str, Any]  # what `FILL` needs
-    news: Any  # numbers that the page is told, see `TELL`
-    figures: dict[str, Any]  # the pictures, by the names under which a page has them
-    h: Any
-    scale: Any
-    terms: Any
-    sweep: Any
-    sentence: Any  # a line of text for what cannot be shown
+    news: ColumnDataSource  # numbers that the page is told, see `TELL`
+    figures: dict[str, Figure]  # the pictures, by the names under which a page has them
+    h: Slider
+    scale: Slider
+    terms: Slider
+    sweep: Toggle
+    sentence: Div  # a line of text for what cannot be shown
 
     @property
-    def roots(self) -> dict[str, Any]:
+    def roots(self) -> dict[str, Model]:
         """Everything that a page has, by name."""
         controls = {"h": self.h, "scale": self.scale, "terms": self.terms, "sweep": self.sweep}
         return {**self.figures, **controls, "sentence": self.sentence, "news": self.news}
 
 
-def stability_plots(shapes: StabilityShapes) -> dict[str, Any]:
+def stability_plots(shapes: StabilityShapes) -> dict[str, Figure]:
     """The stability region and the order star."""
     models = optional_module("bokeh.models", "explore")
     titles = {"region": "Stability region: |R(z)| ≤ 1", "star": "Order star: |R(z)| > |exp(z)|"}
@@ -163,7 +167,7 @@ def flow_numbers(flow: str, views: View) -> np.ndarray:
     return np.concatenate(numbers).astype(np.float32)
 
 
-def _figures(scene: SceneShape, sources: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _figures(scene: SceneShape, sources: dict[str, ColumnDataSource]) -> Iterator[tuple[str, Figure]]:
     curves = {name: sources[f"{name}_curve"] for name in COLOURS}
     x, y = scene.axes
     orbit = _figure("Solutions", x, y)
@@ -217,7 +221,7 @@ def _legend_of_copies(picture: Any) -> None:
             item.renderers = [picture.add_glyph(nowhere, shown.glyph, name="legend")]
 
 
-def _legend_above(picture: Any) -> None:
+def _legend_above(picture: Figure) -> None:
     """Move the legend out of the way of the curves."""
     for legend in list(picture.legend):
         legend.update(
@@ -227,7 +231,7 @@ def _legend_above(picture: Any) -> None:
         picture.add_layout(legend, "above")
 
 
-def _figure(title: str, x: str, y: str, **options: Any) -> Any:
+def _figure(title: str, x: str, y: str, **options: Any) -> Figure:
     """An empty picture that is as wide as its place on the page."""
     plotting = optional_module("bokeh.plotting", "explore")
     picture = plotting.figure(
@@ -244,14 +248,14 @@ def _figure(title: str, x: str, y: str, **options: Any) -> Any:
 
 
 @cache
-def template() -> Any:
+def template() -> Template:
     """The template of pages, in which text is escaped."""
     jinja2 = optional_module("jinja2", "explore")
     text = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
     return jinja2.Environment(autoescape=True).from_string(text)
 
 
-def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[str, Any]:
+def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[str, object]:
     """What the template says about a method."""
     title = f"{facts.name}: order {facts.order}"
     if isinstance(region, str):
@@ -259,7 +263,7 @@ def method_variables(facts: MethodFacts, region: StabilityShapes | str) -> dict[
     return {"title": title, "facts": facts, "stability_formula": region.formula}
 
 
-def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, Any]:
+def scene_variables(scene: SceneShape, pictures: Sequence[str]) -> dict[str, object]:
     """What the template says about a scene."""
     notes = [f"Start: {scene.start}. Times to {scene.span:g}."]
     if not scene.energy_terms:
@@ -284,9 +288,9 @@ def page_parts(
     scene: SceneShape | None,
     steps: int,
     scales: tuple[float, float, float],
-) -> tuple[dict[str, Any], dict[str, Any], ScenePlots | None]:
+) -> tuple[dict[str, object], dict[str, Model], ScenePlots | None]:
     """What the template says of a method and a scene, all that is drawn by name, and the pictures of the scene."""
-    variables, roots, plots = method_variables(facts, region), dict[str, Any](), None
+    variables, roots, plots = method_variables(facts, region), dict[str, Model](), None
     if not isinstance(region, str):
         roots |= stability_plots(region)
     if scene is not None:

@@ -11,11 +11,11 @@ import signal
 import socket
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from functools import cache, lru_cache, partial
 from html import escape
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,15 @@ from bseries.explorer.reading import Request, read_integer, read_method, read_po
 from bseries.explorer.workers import NotComputed, Workers
 from foundation.extras import optional_module
 from integrators import catalogue, scene_catalogue
+
+if TYPE_CHECKING:
+    from bokeh.application.application import SessionContext
+    from bokeh.application.handlers import Handler
+    from bokeh.document import Document
+    from tornado.httputil import HTTPServerRequest
+    from tornado.ioloop import IOLoop
+    from tornado.routing import Router
+    from tornado.web import Application
 
 ADDRESS = "127.0.0.1"
 """Nobody else reaches the server."""
@@ -189,7 +198,7 @@ class Explorer:
     def show(self, document: Any) -> None:
         """Fill a page."""
         request, task = self._pages.pop(document.session_context.id, (Request(), None))
-        variables: dict[str, Any] = {"title": "bseries explore", "request": request, **_choices()}
+        variables: dict[str, object] = {"title": "bseries explore", "request": request, **_choices()}
         if task is None:
             variables["sentences"] = [f"pages must be at most {MOST_PAGES} at a time, but that many are open."]
         elif not task.done():
@@ -274,7 +283,7 @@ async def _refused(error: SeriesError) -> Answer:
     return Answer(None, None, (f"{error}.",))
 
 
-def read_arguments(arguments: Any) -> Request:
+def read_arguments(arguments: Mapping[str, Sequence[bytes]]) -> Request:
     """The request in the query of an address.
 
     Raises:
@@ -296,7 +305,7 @@ def read_arguments(arguments: Any) -> Request:
 
 
 @cache
-def _choices() -> dict[str, Any]:
+def _choices() -> dict[str, list[str]]:
     """The names in the form."""
     methods = [f"{entry.name}{entry.least_stages}" if entry.is_family else entry.name for entry in catalogue()]
     return {"methods": methods, "scenes": [entry.name for entry in scene_catalogue()]}
@@ -386,7 +395,7 @@ class _Listener(socket.socket):
             raise BlockingIOError from None
 
 
-def for_hosts(hosts: Collection[str], served: Any) -> Any:
+def for_hosts(hosts: Collection[str], served: Application) -> Router:
     """What a server serves to requests for these hosts; others get nothing.
 
     Names of other hosts may be made to lead to this machine, so that their pages could read answers.
@@ -396,14 +405,14 @@ def for_hosts(hosts: Collection[str], served: Any) -> Any:
     class OfHosts(routing.Matcher):
         """Matches requests for these hosts."""
 
-        def match(self, request: Any) -> dict[str, Any] | None:
+        def match(self, request: HTTPServerRequest) -> dict[str, object] | None:
             return {} if request.host.lower() in hosts else None
 
     return routing.RuleRouter([routing.Rule(OfHosts(), served)])
 
 
 @contextmanager
-def _stopped_by_interrupts(loop: Any) -> Iterator[None]:
+def _stopped_by_interrupts(loop: IOLoop) -> Iterator[None]:
     """Let interrupts stop a loop between two of its callbacks, not threads and processes that are being started."""
     before = signal.getsignal(signal.SIGINT)
     if callable(before):  # those that are ignored stay so
@@ -414,20 +423,20 @@ def _stopped_by_interrupts(loop: Any) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _handler(explorer: Explorer) -> Any:
+def _handler(explorer: Explorer) -> Handler:
     """What Bokeh asks for each page."""
     base = optional_module("bokeh.application.handlers", "explore").Handler
 
     class PageHandler(base):
         """Prepares a page without blocking the others, fills it, and forgets it."""
 
-        async def on_session_created(self, session_context: Any) -> None:
+        async def on_session_created(self, session_context: SessionContext) -> None:
             await explorer.prepare(session_context)
 
-        def modify_document(self, doc: Any) -> None:
+        def modify_document(self, doc: Document) -> None:
             explorer.show(doc)
 
-        async def on_session_destroyed(self, session_context: Any) -> None:
+        async def on_session_destroyed(self, session_context: SessionContext) -> None:
             explorer.forget(session_context)
 
     return PageHandler()

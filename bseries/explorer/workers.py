@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from contextlib import suppress
-from typing import Any
+from multiprocessing.connection import Connection
+from typing import TypeVar
 
 from bseries.exceptions import SeriesError
 from foundation.children import Children, end_with_parent
 
+T = TypeVar("T")
 SECONDS = 30.0
 """Time limit of a request. It includes the start of a worker and the compilation of machine code at first use."""
 WAITING = 60.0
@@ -34,7 +36,7 @@ class Worker:
     """
 
     def __init__(self) -> None:
-        self.seen: set[Any] = set()
+        self.seen: set[Hashable] = set()
         self._is_stopped = False
         self._start()
 
@@ -46,7 +48,7 @@ class Worker:
         theirs.close()
         self.seen.clear()
 
-    def ask(self, function: Callable[..., Any], *arguments: Any, seconds: float = SECONDS) -> Any:
+    def ask(self, function: Callable[..., T], *arguments: object, seconds: float = SECONDS) -> T:
         """The value of a function, computed in the process.
 
         Raises:
@@ -84,7 +86,7 @@ class Worker:
         self._pipe.close()
 
 
-def _work(pipe: Any, most_bytes: int) -> None:
+def _work(pipe: Connection, most_bytes: int) -> None:
     """Answer requests until the other end of the pipe is closed."""
     from bseries import errors
 
@@ -122,7 +124,7 @@ class Workers:
         self._all = tuple(self._idle)
         self._free = asyncio.Semaphore(count)
 
-    async def ask(self, key: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+    async def ask(self, key: Hashable, function: Callable[..., T], *arguments: object) -> T:
         """The value of a function, computed in one of the processes.
 
         Raises:
@@ -136,7 +138,7 @@ class Workers:
         self._idle.remove(worker)
         answer = asyncio.get_running_loop().run_in_executor(None, lambda: worker.ask(function, *arguments))
 
-        def release(_: Any) -> None:
+        def release(_: asyncio.Future[T]) -> None:
             worker.seen.add(key)
             self._idle.append(worker)
             self._free.release()

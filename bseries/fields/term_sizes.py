@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from foundation.diagrams import draw_legend, write_title
+from foundation.diagrams import draw_legend
 from foundation.plotting import BLUE, VERMILION, drawing
+from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

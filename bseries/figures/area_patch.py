@@ -12,7 +12,7 @@ from bseries.figures.options import read_count, read_methods, read_number, read_
 from bseries.figures.words import column_names, name_of, scientific, short_names, state
 from foundation.extras import np
 from foundation.plotting import BLACK, BLUE, SKY, VERMILION
-from foundation.printed_names import printed_name
+from integrators.runs.titles import printed_name
 from integrators.scenes.catalogue.registry import as_scene
 
 if TYPE_CHECKING:
@@ -63,8 +63,8 @@ class AreaPatch(NamedTuple):
 
 
 def numbers(
-    *, scene: Any = "pendulum", methods: Any = METHODS, y0: Any = None, size: Any = 1.4, h: Any = 0.3,
-    steps: Any = 15, terms: Any = 3,
+    *, scene: Scene | str = "pendulum", methods: object = METHODS, y0: object = None, size: object = 1.4,
+    h: object = 0.3, steps: object = 15, terms: object = 3,
 ) -> AreaPatch:  # fmt: skip
     """The patch of a height `size` around y0, by default the start of the scene, after each step."""
     place = as_scene(scene)

@@ -76,7 +76,7 @@ def asymptotic_width(h: np.ndarray) -> np.ndarray:
     return h**-1.5 * np.exp(-(np.pi**2) / 2 / h)
 
 
-def numbers(*, span: Any = SPAN) -> ChaosOnset:
+def numbers(*, span: object = SPAN) -> ChaosOnset:
     """Pairs of orbits of the implicit midpoint rule for all step sizes and starts."""
     span = read_number(span, "span", 50, 5000)
     h, bottom, saddle = np.linspace(*STEP_SIZES), np.linspace(*BOTTOM), np.logspace(*SADDLE)

@@ -54,7 +54,7 @@ class EnergyError(NamedTuple):
     runs: tuple[Energy, ...]  # both methods
 
 
-def numbers(*, h: Any = 0.005, methods: Any = METHODS, y0: Any = START, span: Any = 200) -> EnergyError:
+def numbers(*, h: object = 0.005, methods: object = METHODS, y0: object = START, span: object = 200) -> EnergyError:
     """Runs of both methods; the pendulum from (p, q) = (2.5, 0) rotates."""
     import sympy
 

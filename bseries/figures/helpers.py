@@ -12,6 +12,7 @@ from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
     from integrators import Method, Scene
 
@@ -72,7 +73,7 @@ def logarithmic_indices(count: int, points: int) -> np.ndarray:
     return np.unique(np.geomspace(1, count - 1, points).astype(int))
 
 
-def growing(moving: Sequence[tuple[Any, np.ndarray]], counts: np.ndarray) -> Iterator[tuple[int, int]]:
+def growing(moving: Sequence[tuple[Line2D, np.ndarray]], counts: np.ndarray) -> Iterator[tuple[int, int]]:
     """Frames of a film in which points (across, upwards) of orbits appear, up to those of each index in `counts`."""
     for frame, count in enumerate(counts, 1):
         for dots, points in moving:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
@@ -18,6 +18,7 @@ from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     from integrators import Method, Scene
 
@@ -55,7 +56,9 @@ class LargeSteps(NamedTuple):
     levels: np.ndarray  # modified Hamiltonian there, (step sizes, momenta, angles)
 
 
-def numbers(*, method: Any = METHOD, h: Any = STEP_SIZES, y0: Any = STARTS, steps: Any = STEPS) -> LargeSteps:
+def numbers(
+    *, method: object = METHOD, h: object = STEP_SIZES, y0: object = STARTS, steps: object = STEPS
+) -> LargeSteps:
     """Runs for two, four or six step sizes from up to four starts, and the modified Hamiltonian on a grid."""
     chosen, pendulum = read_method(method), bs.scene("pendulum")
     sizes = read_numbers(h, "h", [2, 4, 6], 0.01, 3)
@@ -140,7 +143,7 @@ def frames(numbers: LargeSteps, figure: Figure) -> Iterator[tuple[int, int]]:
     return growing(moving, counts)
 
 
-def draw(numbers: LargeSteps, figure: Figure) -> list[tuple[Any, np.ndarray]]:
+def draw(numbers: LargeSteps, figure: Figure) -> list[tuple[Line2D, np.ndarray]]:
     """A panel for each step size; returns the dots of each orbit with their coordinates."""
     panels = figure.subplots(2, len(numbers.h) // 2, sharex=True, sharey=True, squeeze=False)
     label_panels(panels.flat, [f"$h = {h:g}$" for h in numbers.h])
@@ -154,7 +157,7 @@ def draw(numbers: LargeSteps, figure: Figure) -> list[tuple[Any, np.ndarray]]:
     return moving
 
 
-def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> list[tuple[Any, np.ndarray]]:
+def _draw_panel(axes: Axes, numbers: LargeSteps, k: int) -> list[tuple[Line2D, np.ndarray]]:
     """The level curves through the starts, and the orbits, for the k-th step size."""
     values = np.unique(numbers.energies[k, :, 0])
     axes.contour(numbers.q, numbers.p, numbers.levels[k], values, colors=GREY, linewidths=0.6, linestyles="solid")

@@ -75,7 +75,7 @@ class LennardJonesDrift(NamedTuple):
 
 
 def numbers(
-    *, h: Any = 0.01, members: Any = 400, span: Any = 20_000, seed: Any = 0, checkpoint: str | None = None,
+    *, h: object = 0.01, members: object = 400, span: object = 20_000, seed: object = 0, checkpoint: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LennardJonesDrift:  # fmt: skip
     """An ensemble up to t = 20,000, which takes minutes; with a folder `checkpoint` it can be resumed."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices
@@ -81,7 +81,7 @@ class LinearErrorGrowth(NamedTuple):
     new_actions: np.ndarray  # changes of the actions b after N = 1, 2 terms with Störmer–Verlet, (terms, times)
 
 
-def numbers(*, h: Any = 0.02, method: Any = OTHER) -> LinearErrorGrowth:
+def numbers(*, h: object = 0.02, method: object = OTHER) -> LinearErrorGrowth:
     """The steps of the proof: runs, modified Hamiltonian, action-angle variables, Lindstedt–Poincaré series, back."""
     h, other = read_number(h, "h", 0.01, 0.05), read_method(method)
     rotors, change = scene(), bs.hamiltonians.harmonic_action_angle(OLD, NEW, [1, 1])

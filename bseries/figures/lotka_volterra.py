@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import after_a_turn, growing, label_panels, truncated_scene
@@ -15,6 +15,7 @@ from foundation.plotting import BLACK, BLUE, GREY, ORANGE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     from integrators import Method, Scene
 
@@ -60,7 +61,7 @@ class LotkaVolterra(NamedTuple):
     modified: tuple[list[Curve], ...]  # the same of the modified flows, by method
 
 
-def numbers(*, h: Any = 0.1, methods: Any = METHODS, y0: Any = STARTS) -> LotkaVolterra:
+def numbers(*, h: object = 0.1, methods: object = METHODS, y0: object = STARTS) -> LotkaVolterra:
     """Steps of both methods up to t = 10, and the flows around them; spirals are shown from the first start only."""
     h, chosen, scene = read_number(h, "h", 0.005, 0.12), read_methods(methods, 2), bs.scene("lotka-volterra")
     starts = read_starts(y0, scene, [1, 2])
@@ -147,7 +148,7 @@ def caption(numbers: LotkaVolterra) -> str:
     )
 
 
-def draw(numbers: LotkaVolterra, figure: Figure) -> list[tuple[Any, np.ndarray]]:
+def draw(numbers: LotkaVolterra, figure: Figure) -> list[tuple[Line2D, np.ndarray]]:
     """A row for each method: its steps with the exact and the modified flow. Returns the dots of runs, with states."""
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     names = short_names(numbers.methods)
@@ -162,7 +163,7 @@ def draw(numbers: LotkaVolterra, figure: Figure) -> list[tuple[Any, np.ndarray]]
     return moving
 
 
-def _draw_panel(axes: Axes, curves: list[Curve], runs: np.ndarray) -> list[tuple[Any, np.ndarray]]:
+def _draw_panel(axes: Axes, curves: list[Curve], runs: np.ndarray) -> list[tuple[Line2D, np.ndarray]]:
     """The curves, and the runs on those through their starts."""
     for curve in curves[len(runs) :]:
         axes.plot(*curve.states, color=GREY, linewidth=0.7)

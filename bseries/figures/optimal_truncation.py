@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import bseries as bs
 from bseries.figures.helpers import label_panels
@@ -67,7 +67,7 @@ class OptimalTruncation(NamedTuple):
     quadrature: Truncations
 
 
-def numbers(*, terms: Any = 17) -> OptimalTruncation:
+def numbers(*, terms: object = 17) -> OptimalTruncation:
     """The errors; for the pendulum with up to the given number of terms."""
     terms = read_count(terms, "terms", 5, 19)
     quadrature = bs.parse_hamiltonian("p - log(1 + q^2)/2")

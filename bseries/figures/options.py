@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from integrators import Method, Scene
 
 
-def read_number(value: Any, argument: str, least: float, most: float) -> float:
+def read_number(value: object, argument: str, least: float, most: float) -> float:
     """A number within bounds as a double, given as a number or as text.
 
     Example:
@@ -38,7 +38,7 @@ def read_number(value: Any, argument: str, least: float, most: float) -> float:
     return number
 
 
-def read_numbers(value: Any, argument: str, counts: Sequence[int], least: float, most: float) -> tuple[float, ...]:
+def read_numbers(value: object, argument: str, counts: Sequence[int], least: float, most: float) -> tuple[float, ...]:
     """Some numbers within bounds, given as a sequence or as text with commas.
 
     Example:
@@ -51,7 +51,7 @@ def read_numbers(value: Any, argument: str, counts: Sequence[int], least: float,
     return tuple(read_number(entry, argument, least, most) for entry in entries)
 
 
-def read_count(value: Any, argument: str, least: int, most: int) -> int:
+def read_count(value: object, argument: str, least: int, most: int) -> int:
     """A whole number within bounds, given as a number or as text."""
     number = _number(value, argument)
     is_whole = isinstance(number, Rational) and number.denominator == 1 and not isinstance(number, bool)
@@ -61,12 +61,12 @@ def read_count(value: Any, argument: str, least: int, most: int) -> int:
     return whole
 
 
-def _number(value: Any, argument: str) -> Any:
+def _number(value: object, argument: str) -> Any:
     """The number that a text stands for; other values unchanged."""
     return parse_constant(value, argument=argument) if isinstance(value, str) else value
 
 
-def _entries(value: Any) -> list[Any]:
+def _entries(value: object) -> list[Any]:
     """The entries of a row, or a single value."""
     if isinstance(value, str):
         return [entry.strip() for entry in split_row(value)]
@@ -80,7 +80,7 @@ def _counted(counts: Sequence[int], what: str) -> str:
     return (f"{few} " if few == many else f"{few} to {many} ") + what + "s" * (many != 1)
 
 
-def read_methods(value: Any, count: int) -> tuple[Method, ...]:
+def read_methods(value: object, count: int) -> tuple[Method, ...]:
     """As many methods as wanted, given by names in a row, or as objects."""
     entries = _entries(value)
     if len(entries) != count:
@@ -88,12 +88,12 @@ def read_methods(value: Any, count: int) -> tuple[Method, ...]:
     return tuple(read_method(entry) for entry in entries)
 
 
-def read_method(value: Any) -> Method:
+def read_method(value: object) -> Method:
     """A method, given by its name or as an object."""
     return check_method(as_method(value))
 
 
-def read_starts(value: Any, scene: Scene, counts: Sequence[int]) -> tuple[tuple[float, ...], ...]:
+def read_starts(value: object, scene: Scene, counts: Sequence[int]) -> tuple[tuple[float, ...], ...]:
     """States at which the field of a scene is finite, in the order of its variables.
 
     They are given as rows, or as text: rows with semicolons between them, or one start by blocks, ``p=0; q=-3/2``.
@@ -115,12 +115,12 @@ def read_starts(value: Any, scene: Scene, counts: Sequence[int]) -> tuple[tuple[
     return tuple(_start(row, scene) for row in rows)
 
 
-def read_start(value: Any, scene: Scene) -> tuple[float, ...]:
+def read_start(value: object, scene: Scene) -> tuple[float, ...]:
     """One state at which the field of a scene is finite."""
     return read_starts(value, scene, [1])[0]
 
 
-def _start(row: Any, scene: Scene) -> tuple[float, ...]:
+def _start(row: object, scene: Scene) -> tuple[float, ...]:
     """A state of the scene, checked."""
     names = ", ".join(scene.variables)
     if not is_listed(row) or len(row) != scene.dimension:

@@ -63,7 +63,7 @@ class PendulumPortraits(NamedTuple):
         return list(dict.fromkeys(start for portrait in self.portraits for start in portrait.starts))
 
 
-def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES, y0: Any = None) -> PendulumPortraits:
+def numbers(*, methods: object = METHODS, h: object = STEP_SIZES, y0: object = None) -> PendulumPortraits:
     """The runs of three methods with a step size each, and level curves of the energy; starts are for all methods."""
     pendulum, chosen = bs.scene("pendulum"), read_methods(methods, 3)
     sizes = read_numbers(h, "h", [3], 0.001, 2)

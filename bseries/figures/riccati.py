@@ -53,7 +53,7 @@ class Riccati(NamedTuple):
         return float(self.t[step]), [float(abs(y - self.y[step])) for y in found]
 
 
-def numbers(*, h: Any = 0.02, method: Any = "explicit-euler") -> Riccati:
+def numbers(*, h: object = 0.02, method: object = "explicit-euler") -> Riccati:
     """Steps for h y < 1.4, and curves up to h y = 0.7."""
     h, chosen = read_number(h, "h", 0.002, 0.1), read_method(method)
     riccati = bs.scene("riccati")

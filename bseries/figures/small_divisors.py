@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import label_panels
@@ -56,7 +56,7 @@ class SmallDivisors(NamedTuple):
     planets: Divisors  # those with Pluto
 
 
-def numbers(*, reach: Any = 20) -> SmallDivisors:
+def numbers(*, reach: object = 20) -> SmallDivisors:
     """The divisors for |k| up to `reach`."""
     reach = read_count(reach, "reach", 5, 30)
     omega = mean_motions()

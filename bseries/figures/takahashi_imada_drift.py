@@ -52,7 +52,7 @@ class TakahashiImadaDrift(NamedTuple):
     pendulum: Drift  # pendulum with U = −cos q
 
 
-def numbers(*, h: Any = 0.2, p: Any = 2.5, span: Any = 5000) -> TakahashiImadaDrift:
+def numbers(*, h: object = 0.2, p: object = 2.5, span: object = 5000) -> TakahashiImadaDrift:
     """Runs on both pendulums from q = 0 and momenta ±p, for which they rotate."""
     h, p = read_number(h, "h", 0.02, 0.4), read_number(p, "p", LEAST_MOMENTUM, 4)
     span = read_number(span, "span", 100, 1e5)

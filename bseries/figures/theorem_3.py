@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import label_panels, logarithmic_indices, power_exponent
@@ -52,7 +52,7 @@ class Conservation(NamedTuple):
         return power_exponent(self.h[fitted], self.errors[:, fitted].T)
 
 
-def numbers(*, terms: Any = 8, method: Any = METHOD, y0: Any = START) -> Conservation:
+def numbers(*, terms: object = 8, method: object = METHOD, y0: object = START) -> Conservation:
     """Errors of the truncations with up to a number of terms; the pendulum from (p, q) = (2.5, 0) rotates."""
     count, chosen, pendulum = read_count(terms, "terms", 1, 10), read_method(method), bs.scene("pendulum")
     start = read_start(y0, pendulum)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import label_panels, power_exponent
@@ -36,7 +36,7 @@ class Errors(NamedTuple):
     solution: np.ndarray  # those of the errors of (p, q)
 
 
-def numbers(*, methods: Any = METHODS, h: Any = STEP_SIZES) -> tuple[Errors, ...]:
+def numbers(*, methods: object = METHODS, h: object = STEP_SIZES) -> tuple[Errors, ...]:
     """The errors of two methods up to t = 100; Störmer–Verlet is kick–drift–kick."""
     sizes = read_numbers(h, "h", [2], 0.005, 0.2)
     return tuple(map(_errors, read_methods(methods, 2), sizes))

@@ -70,7 +70,7 @@ class Truncation(NamedTuple):
         return (float(steps[0, far]), float(steps[1, far])), ZOOM * float(gaps[far])
 
 
-def numbers(*, h: Any = 0.1, terms: Any = 3, methods: Any = METHODS, y0: Any = START) -> Truncation:
+def numbers(*, h: object = 0.1, terms: object = 3, methods: object = METHODS, y0: object = START) -> Truncation:
     """Steps up to t = 10, and the solutions of the equations truncated after 1 term (the exact one), 2, …"""
     h, terms = read_number(h, "h", 0.005, 0.12), read_count(terms, "terms", 1, MOST_TERMS)
     chosen, scene = read_methods(methods, 2), bs.scene("lotka-volterra")

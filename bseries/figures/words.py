@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from math import pi
 from typing import TYPE_CHECKING
 
-from foundation.printed_names import printed_name
+from integrators.runs.titles import printed_name
 
 if TYPE_CHECKING:
     from integrators import Method

@@ -27,7 +27,7 @@ from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from bseries.hamiltonians.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.perturbations import PeriodGain, Perturbation, Violation, angle_periods, violations
 from bseries.scene_text import place
-from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
+from foundation.diagrams import axis_label, draw_band, draw_legend
 from foundation.plotting import BLACK, SKY, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.arguments import read_steps
@@ -35,6 +35,7 @@ from integrators.core.errors import shorten
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
+from integrators.runs.titles import write_title
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene, latex_formula
 

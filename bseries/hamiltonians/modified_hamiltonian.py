@@ -30,7 +30,7 @@ from bseries.hamiltonians.verdicts import (
     is_proved_symplectic,
     name_of,
 )
-from foundation.diagrams import axis_label, draw_curves, draw_levels, write_title
+from foundation.diagrams import axis_label, draw_curves, draw_levels
 from foundation.formulas import formula_text
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
@@ -39,6 +39,7 @@ from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.reference.plain_steps import Arithmetic
+from integrators.runs.titles import write_title
 from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foundation.diagrams import axis_label, draw_band, draw_legend, write_title
+from foundation.diagrams import axis_label, draw_band, draw_legend
 from foundation.extras import optional_module
 from foundation.numbers import finite_or_none
 from foundation.plotting import BLUE, GREY, drawing
@@ -25,6 +25,7 @@ from integrators.core.errors import IntegratorError, shorten
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, check_path, read_text
 from integrators.runs.storage import check_identity
+from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

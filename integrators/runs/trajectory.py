@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foundation.diagrams import axis_label, draw_curves, write_title
+from foundation.diagrams import axis_label, draw_curves
 from foundation.extras import optional_module
 from foundation.numbers import finite_or_none
 from foundation.plotting import drawing
@@ -28,6 +28,7 @@ from integrators.core.stored_arrays import (
     write_arrays,
 )
 from integrators.core.text_files import check_path, read_text
+from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,7 @@ from bseries.advice.measures import (
 from bseries.advice.timing import Timing
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend, write_title
+from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend
 from foundation.plotting import BLACK, VERMILION, drawing
 from foundation.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
@@ -31,6 +31,7 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
+from integrators.runs.titles import write_title
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 

@@ -17,10 +17,10 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from functools import reduce
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
-from bseries.exact.domains import flint_polynomial
-from bseries.exact.number_fields import NoNumberFieldError, domain_of
+from bseries.exact.domains import NumberField
+from bseries.exact.number_fields import NoNumberFieldError, domain_of, enclosure
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.polynomials import (
     ONE,
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from integrators.exact.entries import Entry
     from integrators.methods.tableaux.runge_kutta import RungeKutta
 
+Operand: TypeAlias = "Fraction | int | fmpq | Arithmetic"
 Coefficients = tuple[Any, ...]
 """A polynomial: its coefficients, ascending."""
 EXACT_DIGITS = 30
@@ -71,22 +72,22 @@ class Arithmetic:
     __neg__: Any
     inverse: Any
 
-    def __radd__(self, other: Any) -> Any:
+    def __radd__(self, other: Operand) -> Self:
         return self + other
 
-    def __sub__(self, other: Any) -> Any:
+    def __sub__(self, other: Operand) -> Self:
         return self + -other
 
-    def __rsub__(self, other: Any) -> Any:
+    def __rsub__(self, other: Operand) -> Self:
         return -self + other
 
-    def __rmul__(self, other: Any) -> Any:
+    def __rmul__(self, other: Operand) -> Self:
         return self * other
 
-    def __truediv__(self, other: Any) -> Any:
+    def __truediv__(self, other: Any) -> Self:
         return self * (other.inverse() if isinstance(other, Arithmetic) else 1 / Fraction(other))
 
-    def __rtruediv__(self, other: Any) -> Any:
+    def __rtruediv__(self, other: Operand) -> Self:
         return self.inverse() * other
 
 
@@ -110,11 +111,11 @@ class Inexact(Arithmetic):
     def __bool__(self) -> bool:
         return abs(self.value) > self.error
 
-    def __add__(self, other: Any) -> Inexact:
+    def __add__(self, other: Operand) -> Inexact:
         y = self.read(other)
         return Inexact(self.value + y.value, self.error + y.error)
 
-    def __mul__(self, other: Any) -> Inexact:
+    def __mul__(self, other: Operand) -> Inexact:
         y = self.read(other)
         error = abs(self.value) * y.error + abs(y.value) * self.error + self.error * y.error
         return Inexact(self.value * y.value, error)
@@ -141,27 +142,6 @@ class Inexact(Arithmetic):
         return f"{rounded:f}" if -4 <= rounded.adjusted() < digits else f"{rounded:e}"
 
 
-class NumberField:
-    """The field Q(θ) of a real root θ, a SymPy number, of an irreducible polynomial, the `modulus`."""
-
-    def __init__(self, modulus: fmpq_poly, generator: sympy.Expr) -> None:
-        self.modulus = modulus
-        self.generator = generator
-        self._enclosures: dict[int, arb] = {}
-
-    def enclose(self, bits: int) -> arb:
-        """An enclosure of θ: the real root of the modulus next to SymPy's value, which has some more digits."""
-        from flint import arb, ctx
-
-        if bits not in self._enclosures:
-            with ctx.workprec(bits):
-                near = arb(str(self.generator.evalf(bits)))
-                roots: list[Any] = self.modulus.complex_roots()
-                found = [root.real for root, _ in roots if root.imag == 0 and root.real.overlaps(near)]
-            self._enclosures[bits] = found[0] if len(found) == 1 else self.enclose(2 * bits)
-        return self._enclosures[bits]
-
-
 @dataclass(slots=True, eq=False)
 class RealAlgebraic(Arithmetic):
     """Element of a real number field: a polynomial in θ, the `residue` modulo the minimal polynomial of θ."""
@@ -170,17 +150,17 @@ class RealAlgebraic(Arithmetic):
     residue: fmpq_poly
 
     @staticmethod
-    def _lift(other: Any) -> Any:
+    def _lift(other: Operand) -> fmpq | fmpq_poly:
         return other.residue if isinstance(other, RealAlgebraic) else to_flint(other)
 
     def __bool__(self) -> bool:
         return self.residue != 0
 
-    def __add__(self, other: Any) -> RealAlgebraic:
+    def __add__(self, other: Operand) -> RealAlgebraic:
         return RealAlgebraic(self.field, self.residue + self._lift(other))
 
-    def __mul__(self, other: Any) -> RealAlgebraic:
-        return RealAlgebraic(self.field, self.residue * self._lift(other) % self.field.modulus)
+    def __mul__(self, other: Operand) -> RealAlgebraic:
+        return RealAlgebraic(self.field, self.residue * self._lift(other) % self.field.minimal_polynomial)
 
     def __neg__(self) -> RealAlgebraic:
         return RealAlgebraic(self.field, -self.residue)
@@ -188,15 +168,15 @@ class RealAlgebraic(Arithmetic):
     def __abs__(self) -> RealAlgebraic:
         return -self if sign(self) < 0 else self
 
-    def __lt__(self, other: Any) -> bool:
+    def __lt__(self, other: Operand) -> bool:
         return sign(self - other) < 0
 
-    def __gt__(self, other: Any) -> bool:
+    def __gt__(self, other: Operand) -> bool:
         return sign(self - other) > 0
 
     def inverse(self) -> RealAlgebraic:
         """The inverse, by Euclid's algorithm."""
-        return RealAlgebraic(self.field, self.residue.xgcd(self.field.modulus)[1])
+        return RealAlgebraic(self.field, self.residue.xgcd(self.field.minimal_polynomial)[1])
 
     def to_sympy(self) -> sympy.Expr:
         """The number as a SymPy expression."""
@@ -212,11 +192,11 @@ def enclose(element: Fraction | RealAlgebraic, bits: int) -> arb:
 
     with ctx.workprec(bits):
         if isinstance(element, RealAlgebraic):
-            return arb_poly(element.residue)(element.field.enclose(bits))
+            return arb_poly(element.residue)(enclosure(element.field.generator, bits))
         return arb(to_flint(element))
 
 
-def sign(element: Any) -> int:
+def sign(element: Fraction | RealAlgebraic) -> int:
     """Sign of a `Fraction` or a `RealAlgebraic`, from an enclosure that excludes zero."""
     value, bits = element, FIRST_BITS
     if element and isinstance(element, RealAlgebraic):
@@ -241,8 +221,8 @@ def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | N
 
 def real_algebraic(domain: Any, elements: Any) -> list[Fraction | RealAlgebraic]:
     """Elements of SymPy's number field; rational ones as `Fraction`s."""
-    field = NumberField(flint_polynomial(domain.mod.to_list()), domain.ext.as_expr())
-    residues = (flint_polynomial(element.to_list()) for element in elements)
+    field = NumberField(domain)
+    residues = map(field.number, elements)
     return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]
 
 
@@ -261,6 +241,7 @@ def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[
             return found
     else:
         domain: Any
+        elements: Any
         domain, elements = sympy.construct_domain(formulas, field=True)
         # SymPy treats x and sqrt(x), or sqrt(2) and sqrt(3), as independent symbols.
         if domain.is_FractionField and all(x.is_Symbol for x in domain.symbols):
@@ -268,12 +249,12 @@ def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[
     return [sympy.EX(formula) for formula in formulas]
 
 
-def has_sign(element: Any) -> bool:
+def has_sign(element: object) -> bool:
     """Whether the sign of an element can be decided."""
     return isinstance(element, Fraction | RealAlgebraic | Inexact)
 
 
-def has_exact_zero_test(element: Any) -> bool:
+def has_exact_zero_test(element: object) -> bool:
     """Whether an element is zero if and only if it is false: no error bound, no roots that SymPy may not simplify."""
     return isinstance(element, Fraction) or hasattr(element, "field")
 
@@ -342,7 +323,7 @@ def monic_gcd(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
     return tuple(a / last[-1] for a in last)
 
 
-def is_rational(p: Iterable[Any]) -> bool:
+def is_rational(p: Iterable[object]) -> bool:
     """Whether all coefficients are rational."""
     return all(isinstance(a, Fraction) for a in p)
 

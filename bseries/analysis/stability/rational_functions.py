@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, SupportsIndex
 
 from bseries.analysis.stability import field_elements as field
 from bseries.analysis.stability.field_elements import Coefficients, Inexact
@@ -109,10 +109,10 @@ class StabilityFunction(ImmutableValue):
         return tuple(field.from_element(a, floating=self.floating) for a in self.q)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.numerator, self.denominator, self.floating, self.digits
 
-    def __reduce_ex__(self, protocol: Any) -> Any:
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[object, ...]:
         """Pickle exact functions by their entries: polynomials of flint and SymPy's fractions cannot be pickled."""
         if self.is_inexact:
             return super().__reduce_ex__(protocol)
@@ -211,7 +211,7 @@ class StabilityFunction(ImmutableValue):
             for values in (self.numerator, self.denominator)
         ]
 
-    def _logarithms(self, ends: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _logarithms(self, ends: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A grid x, y of a window, and log |R(x + iy)| there, (len(y), len(x))."""
         import numpy as np
 
@@ -220,7 +220,7 @@ class StabilityFunction(ImmutableValue):
         with np.errstate(all="ignore"):
             return x, y, np.log(np.abs(self(x + 1j * y[:, None])))
 
-    def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Any = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, order_star: bool = False, window: Sequence[float] | None = None) -> Axes:
         """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
 
         Args:

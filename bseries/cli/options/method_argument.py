@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from bseries.cli.application import Refusal, say, standard_input
-from bseries.cli.options.values import completions, is_file, read_assignments
+from bseries.cli.options.values import Decorator, T, completions, is_file, read_assignments
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def complete_method(ctx: click.Context, param: click.Parameter, incomplete: str)
     return completions(found, incomplete, SUFFIXES)
 
 
-def takes_method(
-    *, as_option: bool = False, required: bool = True
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_method(*, as_option: bool = False, required: bool = True) -> Decorator[T]:
     """Add the argument METHOD or the option --method to a verb, which receives `method` (None if not given)."""
     if as_option:
         text = "A name, a tableau file, or -."
@@ -46,7 +44,7 @@ def takes_method(
         source = click.argument("source", metavar=metavar, required=False, shell_complete=complete_method)
         missing = "METHOD must be given: a name such as rk4, a tableau file, - or --A and --b"
 
-    def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(verb: Callable[..., T]) -> Callable[..., T]:
         @source
         @click.option("--A", "A", metavar="ROWS", help='Stage matrix inline, as in "0,0;1/2,0".')
         @click.option("--b", "b", metavar="ROW", help='Weights inline, as in "0,1".')
@@ -59,8 +57,12 @@ def takes_method(
             "--digits", type=int, metavar="N", help="Correct digits of decimals, inline or in a file; by default exact."
         )
         @functools.wraps(verb)
-        def read(*, source: Any, settings: Any, digits: Any, **options: Any) -> Any:
-            inline = {name: value for name in INLINE if (value := options.pop(name)) is not None}
+        def read(
+            *, source: str | None, A: str | None, b: str | None, c: str | None, symbols: str | None,
+            settings: tuple[str, ...], digits: int | None, **options: object,
+        ) -> T:  # fmt: skip
+            given = {"A": A, "b": b, "c": c, "symbols": symbols}
+            inline = {name: value for name, value in given.items() if value is not None}
             method = read_method(source, inline, settings, digits)
             if method is None and required:
                 raise Refusal(missing)

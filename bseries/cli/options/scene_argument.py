@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.options.values import completions, is_file, read_assignments
+from bseries.cli.options.values import Decorator, T, completions, is_file, read_assignments
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from integrators import Method, Scene
 
-WAYS = {"--scene": "scene_source", "--ode": "ode", "--hamiltonian": "hamiltonian"}
+Values: TypeAlias = dict[str, str | list[str] | list[list[str]]]
+"""Values of parameters by name: numbers as text, lists of them, or lists of rows."""
 KEYWORDS = ("self", "effects")
 """Reserved names; effects are switched on by --effect."""
 SUFFIXES = (".toml",)
@@ -40,9 +41,7 @@ def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str)
     return completions({name: text for entry in entries for name, text in entry.effects.items()}.items(), incomplete)
 
 
-def takes_scene(
-    *, as_argument: bool = False, required: bool = True, compare: bool = False
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_scene(*, as_argument: bool = False, required: bool = True, compare: bool = False) -> Decorator[T]:
     """Add the option --scene, or the argument SCENE, and its options to a verb.
 
     The verb receives `scene` (None if not given) and `effects`, the names of the active effects.
@@ -56,7 +55,7 @@ def takes_scene(
             "--scene", "scene_source", metavar="SCENE", help=f"The problem: a {where}.", shell_complete=complete_scene
         )
 
-    def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(verb: Callable[..., T]) -> Callable[..., T]:
         @source
         @click.option("--ode", metavar="TEXT", help="The problem as equations, \"p' = -sin(q); q' = p\".")
         @click.option("--hamiltonian", metavar="TEXT", help='The problem as a Hamiltonian, "p^2/2 - cos(q)".')
@@ -71,8 +70,12 @@ def takes_scene(
             help="Value of a parameter or option of the scene; repeatable.",
         )  # fmt: skip
         @functools.wraps(verb)
-        def read(*, effects: tuple[str, ...], parameters: tuple[str, ...], blocks: str | None, **options: Any) -> Any:
-            given = [(way, text) for way, name in WAYS.items() if (text := options.pop(name)) is not None]
+        def read(
+            *, scene_source: str | None, ode: str | None, hamiltonian: str | None, effects: tuple[str, ...],
+            parameters: tuple[str, ...], blocks: str | None, **options: object,
+        ) -> T:  # fmt: skip
+            ways = {"--scene": scene_source, "--ode": ode, "--hamiltonian": hamiltonian}
+            given = [(way, text) for way, text in ways.items() if text is not None]
             if len(given) > 1:
                 raise Refusal(f"SCENE must be given in one way, but was by {' and '.join(way for way, _ in given)}")
             way, text = given[0] if given else (None, "")
@@ -95,7 +98,7 @@ def takes_scene(
     return decorate
 
 
-def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[str, Any]) -> Scene | str:
+def _plain_scene(way: str | None, text: str, blocks: str | None, values: Values) -> Scene | str:
     """The scene of a file or of equations, without changes; or the name of a built-in scene."""
     from integrators import parse_hamiltonian, parse_scene
 
@@ -104,7 +107,7 @@ def _plain_scene(way: str | None, text: str, blocks: str | None, values: dict[st
     return (parse_scene if way == "--ode" else parse_hamiltonian)(text, blocks, values)
 
 
-def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], values: dict[str, Any]) -> Scene:
+def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], values: Values) -> Scene:
     """The scene with its effects and parameters."""
     from integrators import scene
 
@@ -114,9 +117,9 @@ def _scene(way: str, text: str, blocks: str | None, effects: Sequence[str], valu
     return found.with_effects(*(effects or found.active), **(values if way == "--scene" else {}))
 
 
-def _read_values(parameters: Iterable[str]) -> dict[str, Any]:
+def _read_values(parameters: Iterable[str]) -> Values:
     """The values of parameters: numbers or formulas as text; with commas lists; with semicolons lists of rows."""
-    values = dict[str, Any]()
+    values: Values = {}
     for name, text in read_assignments(parameters, "parameter", "mu=1/2").items():
         rows = [split_row(row) for row in text.split(";")]
         values[name] = rows if len(rows) > 1 else rows[0] if len(rows[0]) > 1 else text
@@ -137,12 +140,12 @@ def read_scene(source: str) -> Scene | str:
     return load_scene(standard_input().buffer if source == "-" else source)
 
 
-def takes_start(verb: Callable[..., Any]) -> Callable[..., Any]:
+def takes_start(verb: Callable[..., T]) -> Callable[..., T]:
     """Add the option --start to a verb, which receives the start values by block; None if they are not given."""
 
     @click.option("--start", metavar="TEXT", help='Start values by block, as in "p=0;q=-3/2".')
     @functools.wraps(verb)
-    def read(*, start: str | None, **options: Any) -> Any:
+    def read(*, start: str | None, **options: object) -> T:
         given = read_assignments(filter(str.strip, (start or "").split(";")), "start", '"p=0;q=-3/2"')
         blocks = None if start is None else {name: split_row(values) for name, values in given.items()}
         return verb(start=blocks, **options)
@@ -150,20 +153,19 @@ def takes_start(verb: Callable[..., Any]) -> Callable[..., Any]:
     return read
 
 
-def takes_parts(verb: Callable[..., Any], *, check: bool = True) -> Callable[..., Any]:
+def takes_parts(verb: Callable[..., T], *, check: bool = True) -> Callable[..., T]:
     """Add the option --parts to a verb: the blocks or parts of a scene for each part of the method."""
 
     @click.option(
         "--parts", metavar="TEXT", help='Blocks or parts of the scene for the parts of the method, as in "a=q;b=p".'
     )
     @functools.wraps(verb)
-    def read(*, parts: str | None, **options: Any) -> Any:
-        method, scene = options["method"], options["scene"]
+    def read(*, parts: str | None, method: Method, scene: Scene | None, **options: object) -> T:
         if check and scene is not None:
             _check_parts(parts, method, scene)
         given = read_assignments(filter(str.strip, (parts or "").split(";")), "parts", "a=q;b=p")
         names = {name: [piece.strip() for piece in value.split(",")] for name, value in given.items()}
-        return verb(parts=None if parts is None else names, **options)
+        return verb(parts=None if parts is None else names, method=method, scene=scene, **options)
 
     return read
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import click
 
@@ -12,7 +12,13 @@ from bseries.cli.application import Refusal
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
+    from fractions import Fraction
+
     from click.shell_completion import CompletionItem
+
+T = TypeVar("T")
+Decorator: TypeAlias = Callable[[Callable[..., T]], Callable[..., T]]
+Limits: TypeAlias = int | list[list[int | None]] | None
 
 
 class WholeNumber(click.ParamType):
@@ -20,7 +26,7 @@ class WholeNumber(click.ParamType):
 
     name = "N"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read the text."""
         try:
             return int(value)
@@ -37,14 +43,16 @@ class Number(click.ParamType):
     def __init__(self, *, exact: bool = False, positive: bool = False, many: bool = False):
         self.exact, self.positive, self.many = exact, positive, many
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: str, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Fraction | float | list[Fraction | float]:
         """Read the text."""
         name = param.opts[0].lstrip("-") if param else "number"
         if self.many:
             return [self.read(piece, name) for piece in split_row(value)]
         return self.read(value, name)
 
-    def read(self, text: str, option: str) -> Any:
+    def read(self, text: str, option: str) -> Fraction | float:
         """The number of an option."""
         from fractions import Fraction
 
@@ -65,12 +73,12 @@ class Number(click.ParamType):
 REAL, REALS, POSITIVE, EXACT = Number(), Number(many=True), Number(positive=True), Number(exact=True)
 
 
-def takes_step(verb: Callable[..., Any]) -> Callable[..., Any]:
+def takes_step(verb: Callable[..., T]) -> Callable[..., T]:
     """Add the option --step to a verb that cannot do without; it receives `h`."""
 
     @click.option("--step", "h", metavar="H", type=EXACT, help="The step size, 0.1 or 1/10; negative for backwards.")
     @functools.wraps(verb)
-    def call(*, h: Any, **options: Any) -> Any:
+    def call(*, h: Fraction | None, **options: object) -> T:
         if h is None:
             raise Refusal("step must be given, as in --step 1/10, but was not")
         return verb(h=h, **options)
@@ -139,7 +147,7 @@ class ChildLimits(click.ParamType):
 
     name = "LIMITS"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Limits:
         """Read the text; the library checks the numbers."""
         try:
             rows = [

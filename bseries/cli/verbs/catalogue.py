@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -82,7 +82,7 @@ def takes_toml(write: Callable[..., None]) -> Callable[..., None]:
 
     @click.option("--toml", is_flag=True, help="Write the scene as a TOML file; implied by -o FILE.toml.")
     @functools.wraps(write)
-    def call(*, toml: bool, format_: str | None, path: str | None, **options: Any) -> None:
+    def call(*, toml: bool, format_: str | None, path: str | None, **options: object) -> None:
         toml = toml or (path or "").lower().endswith(".toml")
         if toml and format_ is not None:
             raise Refusal(f"format must be left out where a TOML file is written, but was {format_!r:.60}")

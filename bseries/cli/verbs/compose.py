@@ -9,6 +9,7 @@ import click
 
 from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import complete_method, read_method
+from bseries.cli.options.values import Limits
 from bseries.cli.output import Output
 from bseries.cli.verbs.series import answer, count_rows, takes_series_options
 from foundation.table import Table
@@ -28,7 +29,7 @@ def compose(
     steps: str | None,
     modified: bool,
     order: int,
-    max_children: Any,
+    max_children: Limits,
     output: Output,
     **options: Any,
 ) -> Table:

@@ -48,7 +48,7 @@ def cost(
     *,
     effects: object,
     methods: str | None,
-    start: Any,
+    start: dict[str, list[str]] | None,
     errors: str,
     wanted: Sequence[float],
     budget: float | None,

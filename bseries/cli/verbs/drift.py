@@ -35,7 +35,7 @@ def drift(
     scene: Scene,
     effects: Sequence[str],
     *,
-    start: Any,
+    start: dict[str, list[str]] | None,
     steps: int | None,
     order: int | None,
     plot: PlotFile,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -28,7 +28,7 @@ def equation(
     method: Method,
     scene: Scene,
     effects: Sequence[str],
-    parts: Any,
+    parts: dict[str, list[str]] | None,
     order: int | None,
     modifying: bool,
     power: int | None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -69,7 +69,7 @@ def report(
     path: str | None,
     order: int | None,
     span: str | None,
-    start: Any,
+    start: dict[str, list[str]] | None,
 ) -> None:
     """A method, and its flows on a scene, as one HTML file for a browser.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -46,7 +46,7 @@ def hamiltonian(
     method: Method,
     scene: Scene | None,
     effects: Sequence[str],
-    parts: Any,
+    parts: dict[str, list[str]] | None,
     order: int | None,
     power: int | None,
     nonzero: bool,

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bseries.cli.options.method_argument import takes_method
-from bseries.cli.options.values import WholeNumber, adds, takes_max_children
+from bseries.cli.options.values import Limits, WholeNumber, adds, takes_max_children
 from bseries.cli.output import Output, takes_output
 from foundation.table import Table
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
     from integrators import Method
+    from integrators.methods.programs.program import ChildBounds
 
 
 takes_series_options = adds(
@@ -92,15 +93,21 @@ def series(method: Method, **options: Any) -> Table:
 
 
 def of_method(
-    method: Method, compute: Callable[..., BSeries], *, order: int, max_children: Any, output: Output, **options: Any
+    method: Method,
+    compute: Callable[..., BSeries],
+    *,
+    order: int,
+    max_children: Limits,
+    output: Output,
+    **options: Any,
 ) -> Table:
     """The table of a series of a method."""
-    max_children = method.max_children if max_children is None else max_children
-    output.check_rows(count_rows(order, len(method.names), max_children))
-    return answer(compute(method, order, max_children=max_children), method.issues, **options)
+    limits = method.max_children if max_children is None else max_children
+    output.check_rows(count_rows(order, len(method.names), limits))
+    return answer(compute(method, order, max_children=limits), method.issues, **options)
 
 
-def count_rows(order: int, colors: int, max_children: Any) -> int:
+def count_rows(order: int, colors: int, max_children: Limits | ChildBounds) -> int:
     """The number of trees."""
     from trees import count_trees
 

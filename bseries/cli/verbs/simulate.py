@@ -188,7 +188,7 @@ def simulate(
     *,
     steps: int | None,
     span: str | None,
-    start: Any,
+    start: dict[str, list[str]] | None,
     save_every: int | None,
     observe: Sequence[str],
     observe_every: int | None,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from bseries.cli.application import Refusal
-from bseries.cli.options.values import WholeNumber, takes_max_children
+from bseries.cli.options.values import Limits, WholeNumber, takes_max_children
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
 from foundation.table import Table
 
@@ -19,7 +17,7 @@ from foundation.table import Table
 @click.option("--count", is_flag=True, help="Only count the trees, without listing them; to order 60.")
 @takes_plot
 @takes_output
-def trees(order: int, colors: int, max_children: Any, count: bool, plot: PlotFile, output: Output) -> Table:
+def trees(order: int, colors: int, max_children: Limits, count: bool, plot: PlotFile, output: Output) -> Table:
     """Rooted trees with their numbers and formulas.
 
     For each tree τ: symmetry σ, density γ, α = |τ|!/(σγ), elementary differential and elementary weight. With two

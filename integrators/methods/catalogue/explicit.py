@@ -22,6 +22,7 @@ RALSTON = "A. Ralston, Math. Comp. 16 (1962) 431–437, doi:10.1090/S0025-5718-1
 def explicit_entry(
     name: str, order: int, rows: tuple[str, ...], weights: str, description: str, reference: str, *,
     aliases: tuple[str, ...] = (), embedded: tuple[str, ...] = (), nodes: str = "", digits: int | None = None,
+    title: str = "",
 ) -> MethodEntry:  # fmt: skip
     """Entry of an explicit method given by its printed tableau, with entries separated by spaces.
 
@@ -33,7 +34,7 @@ def explicit_entry(
     extra = [row.split() for row in embedded]
     A, c = lower_rows(("", *rows), stages), nodes.split() or None
     build = partial(RungeKutta, A, weights.split(), c, embedded=extra, digits=digits)
-    return MethodEntry(name, kind, stages, order, description, reference, build, aliases)
+    return MethodEntry(name, kind, stages, order, description, reference, build, aliases, title=title)
 
 
 def _two_stages(*, name: str, reference: str, alpha: Any) -> RungeKutta:
@@ -61,53 +62,55 @@ def _three_stages(*, name: str, reference: str, c2: Any, c3: Any) -> RungeKutta:
 
 METHODS = (
     explicit_entry("explicit-euler", 1, (), "1", "Euler's polygon method",
-        "L. Euler, Institutionum calculi integralis (1768), §650", aliases=("forward-euler",)),
+        "L. Euler, Institutionum calculi integralis (1768), §650", aliases=("forward-euler",), title="explicit Euler"),
     explicit_entry("explicit-midpoint", 2, ("1/2",), "0 1", "Runge's midpoint rule",
-        "C. Runge, Math. Ann. 46 (1895) 167–178, doi:10.1007/BF01446807"),
+        "C. Runge, Math. Ann. 46 (1895) 167–178, doi:10.1007/BF01446807", title="explicit midpoint"),
     explicit_entry("heun2", 2, ("1",), "1/2 1/2", "Heun's method, the explicit trapezoidal rule", HEUN,
-        aliases=("heun", "ssprk22")),
-    explicit_entry("ralston2", 2, ("2/3",), "1/4 3/4", "two stages of order 2 with the least error bound", RALSTON),
-    explicit_entry("kutta3", 3, ("1/2", "-1 2"), "1/6 2/3 1/6", "Kutta's method of order 3", KUTTA, aliases=("rk3",)),
-    explicit_entry("heun3", 3, ("1/3", "0 2/3"), "1/4 0 3/4", "Heun's method of order 3", HEUN),
+        aliases=("heun", "ssprk22"), title="Heun 2"),
+    explicit_entry("ralston2", 2, ("2/3",), "1/4 3/4", "two stages of order 2 with the least error bound", RALSTON,
+        title="Ralston 2"),
+    explicit_entry("kutta3", 3, ("1/2", "-1 2"), "1/6 2/3 1/6", "Kutta's method of order 3", KUTTA, aliases=("rk3",),
+        title="Kutta 3"),
+    explicit_entry("heun3", 3, ("1/3", "0 2/3"), "1/4 0 3/4", "Heun's method of order 3", HEUN, title="Heun 3"),
     explicit_entry("ralston3", 3, ("1/2", "0 3/4"), "2/9 1/3 4/9", "three stages of order 3 with the least error bound",
-        RALSTON),
+        RALSTON, title="Ralston 3"),
     explicit_entry("ssprk33", 3, ("1", "1/4 1/4"), "1/6 1/6 2/3",
         "optimal strong-stability-preserving method with three stages",
-        "C.-W. Shu, S. Osher, J. Comput. Phys. 77 (1988) 439–471, doi:10.1016/0021-9991(88)90177-5"),
+        "C.-W. Shu, S. Osher, J. Comput. Phys. 77 (1988) 439–471, doi:10.1016/0021-9991(88)90177-5", title="SSPRK33"),
     explicit_entry("ssprk104", 4,
         tuple("1/6 " * i for i in range(1, 5)) + tuple("1/15 " * 5 + "1/6 " * i for i in range(5)), "1/10 " * 10,
         "strong-stability-preserving method with ten stages, in low storage",
-        "D. I. Ketcheson, SIAM J. Sci. Comput. 30 (2008) 2113–2136, doi:10.1137/07070485X"),
+        "D. I. Ketcheson, SIAM J. Sci. Comput. 30 (2008) 2113–2136, doi:10.1137/07070485X", title="SSPRK104"),
     explicit_entry("rk4", 4, ("1/2", "0 1/2", "0 0 1"), "1/6 1/3 1/3 1/6", "the classical Runge–Kutta method", KUTTA,
-        aliases=("classical-rk4",)),
-    explicit_entry("rk38", 4, ("1/3", "-1/3 1", "1 -1 1"), "1/8 3/8 3/8 1/8", "Kutta's 3/8 rule", KUTTA),
+        aliases=("classical-rk4",), title="RK4"),
+    explicit_entry("rk38", 4, ("1/3", "-1/3 1", "1 -1 1"), "1/8 3/8 3/8 1/8", "Kutta's 3/8 rule", KUTTA, title="RK38"),
     explicit_entry("ralston4", 4,
         ("2/5",
          "(-2889+1428*sqrt(5))/1024 (3785-1620*sqrt(5))/1024",
          "(-3365+2094*sqrt(5))/6040 (-975-3046*sqrt(5))/2552 (467040+203968*sqrt(5))/240845"),
         "(263+24*sqrt(5))/1812 (125-1000*sqrt(5))/3828 (3426304+1661952*sqrt(5))/5924787 (30-4*sqrt(5))/123",
-        "four stages of order 4 with the least error bound", RALSTON),
+        "four stages of order 4 with the least error bound", RALSTON, title="Ralston 4"),
     explicit_entry("nystrom5", 5,
         ("1/3", "4/25 6/25", "1/4 -3 15/4", "2/27 10/9 -50/81 8/81", "2/25 12/25 2/15 8/75 0"),
         "23/192 0 125/192 0 -27/64 125/192", "Kutta's method of order 5 as corrected by Nyström",
-        "E. J. Nyström, Acta Soc. Sci. Fenn. 50 (1925) no. 13", aliases=("nystrom",)),
+        "E. J. Nyström, Acta Soc. Sci. Fenn. 50 (1925) no. 13", aliases=("nystrom",), title="Nyström 5"),
     MethodEntry("explicit2", "explicit", 2, 2,
         "all explicit methods of order 2 with two stages; alpha is the second node",
         "J. C. Butcher, Numerical Methods for Ordinary Differential Equations (2016), §232, doi:10.1002/9781119121534",
-        _two_stages, parameters=("alpha",)),
+        _two_stages, parameters=("alpha",), title="explicit 2"),
     MethodEntry("explicit3", "explicit", 3, 3,
         "explicit methods of order 3 with three stages and distinct nodes 0, c2, c3",
         "J. C. Butcher, Numerical Methods for Ordinary Differential Equations (2016), §233, doi:10.1002/9781119121534",
-        _three_stages, parameters=("c2", "c3")),
+        _three_stages, parameters=("c2", "c3"), title="explicit 3"),
     explicit_entry("merson4", 4, ("1/3", "1/6 1/6", "1/8 0 3/8", "1/2 0 -3/2 2"), "1/6 0 0 2/3 1/6",
         "order 4 with embedded order 3, or 5 on linear problems with constant coefficients",
         "R. H. Merson, Proc. Symp. Data Processing, Salisbury (1957); Hairer, Nørsett, Wanner, "
         "Solving Ordinary Differential Equations I, Table II.4.1, doi:10.1007/978-3-540-78862-1",
-        aliases=("merson", "kutta-merson"), embedded=("1/10 0 3/10 2/5 1/5",)),
+        aliases=("merson", "kutta-merson"), embedded=("1/10 0 3/10 2/5 1/5",), title="Merson 4"),
     explicit_entry("bogacki-shampine32", 3, ("1/2", "0 3/4", "2/9 1/3 4/9"), "2/9 1/3 4/9 0",
         "order 3 with embedded order 2; the last stage is the next step's first",
         "P. Bogacki, L. F. Shampine, Appl. Math. Lett. 2 (1989) 321–325, doi:10.1016/0893-9659(89)90079-7",
-        aliases=("bs32",), embedded=("7/24 1/4 1/3 1/8",)),
+        aliases=("bs32",), embedded=("7/24 1/4 1/3 1/8",), title="Bogacki–Shampine 32"),
     explicit_entry("fehlberg45", 4,
         ("1/4",
          "3/32 9/32",
@@ -116,7 +119,7 @@ METHODS = (
          "-8/27 2 -3544/2565 1859/4104 -11/40"),
         "25/216 0 1408/2565 2197/4104 -1/5 0", "order 4, as Fehlberg advances it, with embedded order 5",
         "E. Fehlberg, NASA TR R-315 (1969)", aliases=("rkf45",),
-        embedded=("16/135 0 6656/12825 28561/56430 -9/50 2/55",)),
+        embedded=("16/135 0 6656/12825 28561/56430 -9/50 2/55",), title="Fehlberg 45"),
     explicit_entry("cash-karp45", 5,
         ("1/5",
          "3/40 9/40",
@@ -125,7 +128,8 @@ METHODS = (
          "1631/55296 175/512 575/13824 44275/110592 253/4096"),
         "37/378 0 250/621 125/594 0 512/1771", "order 5, as Cash and Karp advance it, with embedded order 4",
         "J. R. Cash, A. H. Karp, ACM Trans. Math. Softw. 16 (1990) 201–222, doi:10.1145/79505.79507",
-        aliases=("cash-karp54", "cash-karp"), embedded=("2825/27648 0 18575/48384 13525/55296 277/14336 1/4",)),
+        aliases=("cash-karp54", "cash-karp"), embedded=("2825/27648 0 18575/48384 13525/55296 277/14336 1/4",),
+        title="Cash–Karp 45"),
     explicit_entry("dormand-prince54", 5,
         ("1/5",
          "3/40 9/40",
@@ -137,7 +141,7 @@ METHODS = (
         "order 5 with embedded order 4; the last stage is the next step's first",
         "J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19–26, doi:10.1016/0771-050X(80)90013-3",
         aliases=("dopri5", "dormand-prince"),
-        embedded=("5179/57600 0 7571/16695 393/640 -92097/339200 187/2100 1/40",)),
+        embedded=("5179/57600 0 7571/16695 393/640 -92097/339200 187/2100 1/40",), title="Dormand–Prince 54"),
     explicit_entry("verner65", 6,
         ("1/6",
          "4/75 16/75",
@@ -149,7 +153,7 @@ METHODS = (
         "3/40 0 875/2244 23/72 264/1955 0 125/11592 43/616",
         "order 6 with embedded order 5: Verner's pair of 1978 with eight stages, used in the code DVERK",
         "J. H. Verner, SIAM J. Numer. Anal. 15 (1978) 772–790, doi:10.1137/0715051", aliases=("dverk",),
-        embedded=("13/160 0 2375/5984 5/16 12/85 3/44 0 0",)),
+        embedded=("13/160 0 2375/5984 5/16 12/85 3/44 0 0",), title="Verner 65"),
     # Table 1 of the paper heads its last column with the embedded weights but prints their differences from the
     # weights, the last with the wrong sign; the embedded weights below are the weights minus those differences.
     explicit_entry("tsit5", 5,
@@ -165,7 +169,7 @@ METHODS = (
         aliases=("tsitouras5", "tsitouras54"), nodes="0 0.161 0.327 0.9 0.9800255409045097 1 1", digits=16,
         embedded=(
             "0.09468075576583946 0.009183565540343253 0.4877705284247616 1.234297566930479 -2.707712349983525 "
-            "1.866628418170587 1/66",)),
+            "1.866628418170587 1/66",), title="Tsit5"),
     # The three weights of order 3 and the error weights of order 5 (b minus the embedded weights) are printed in
     # dop853.f; the error weights have 28 significant digits, everything else 30.
     explicit_entry("dop853", 8,
@@ -208,5 +212,5 @@ METHODS = (
             "-0.486340068375533557585910690905 0.119442194318914635909069111371 "
             "0.0670659235916588857765328353543",
             "0.244094488188976377952755905512 0 0 0 0 0 0 0 0.733846688281611857341361741547 0 0 "
-            "0.0220588235294117647058823529412")),
+            "0.0220588235294117647058823529412"), title="DOP853"),
 )  # fmt: skip

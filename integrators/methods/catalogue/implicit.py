@@ -131,7 +131,8 @@ gauss = partial(family, gauss_nodes, collocation)
 
 def _lobatto(letter: str, description: str, reference: str, build: Callable[..., RungeKutta]) -> MethodEntry:
     name = f"lobatto-iii{letter}"
-    return MethodEntry(name, "implicit", None, "2s-2", description, reference, build, least_stages=2)
+    title = f"Lobatto III{letter.upper()}"
+    return MethodEntry(name, "implicit", None, "2s-2", description, reference, build, least_stages=2, title=title)
 
 
 KAHAN = (
@@ -153,11 +154,13 @@ _CROUZEIX4_ROWS = [
 _CROUZEIX4_WEIGHTS = ["1/(8*cos(pi/18)^2)", "1 - 1/(4*cos(pi/18)^2)", "1/(8*cos(pi/18)^2)"]
 
 
-def _entry(name: str, order: int, A: Any, b: Any, *texts: str, aliases: tuple[str, ...] = ()) -> MethodEntry:
+def _entry(
+    name: str, order: int, A: Any, b: Any, *texts: str, aliases: tuple[str, ...] = (), title: str = ""
+) -> MethodEntry:
     """Entry of a diagonally implicit method from its tableau, description and reference."""
     description, reference = texts
     build = partial(RungeKutta, A, b)
-    return MethodEntry(name, "diagonally implicit", len(A), order, description, reference, build, aliases)
+    return MethodEntry(name, "diagonally implicit", len(A), order, description, reference, build, aliases, title=title)
 
 
 def _sdirk2(*, name: str, reference: str, gamma: Any) -> RungeKutta:
@@ -178,36 +181,38 @@ def _sdirk2_general(*, name: str, reference: str, gamma: Any, c2: Any) -> RungeK
 METHODS = (
     MethodEntry("kahan", "implicit", 3, 2,
         "(y1 - y0)/h = 2 f((y0+y1)/2) - f(y0)/2 - f(y1)/2: Kahan's linearly implicit method if f is quadratic", KAHAN,
-        partial(RungeKutta, _KAHAN_ROWS, _KAHAN_ROWS[2])),
+        partial(RungeKutta, _KAHAN_ROWS, _KAHAN_ROWS[2]), title="Kahan"),
     MethodEntry("gauss", "implicit", None, "2s", "collocation at the Gauss nodes", BUTCHER, gauss,
-        aliases=("gauss-legendre",)),
+        aliases=("gauss-legendre",), title="Gauss"),
     MethodEntry("radau-ia", "implicit", None, "2s-1", "D(s) at the left Radau nodes", f"{EHLE}; {STIFF}",
-        partial(family, radau_left_nodes, conjugate_collocation)),
+        partial(family, radau_left_nodes, conjugate_collocation), title="Radau IA"),
     MethodEntry("radau-iia", "implicit", None, "2s-1", "collocation at the right Radau nodes", f"{EHLE}; {STIFF}",
-        partial(family, radau_right_nodes, collocation)),
+        partial(family, radau_right_nodes, collocation), title="Radau IIA"),
     _lobatto("a", "collocation at the Lobatto nodes", f"{EHLE}; {STIFF}", lobatto_iiia),
     _lobatto("b", "D(s) at the Lobatto nodes, the conjugate of IIIA", f"{EHLE}; {STIFF}", lobatto_iiib),
     _lobatto("c", "C(s-1) and a_i1 = b_1", f"{CHIPMAN}; {STIFF}", partial(family, lobatto_nodes, lobatto_c)),
     _lobatto("d", "mean of IIIC and its conjugate, symplectic", JAY, partial(family, lobatto_nodes, lobatto_d)),
     _lobatto("e", "mean of IIIA and IIIB, symplectic", JAY, partial(family, lobatto_nodes, lobatto_e)),
-    _entry("implicit-euler", 1, [["1"]], ["1"], "Euler's implicit method", HLW, aliases=("backward-euler",)),
-    _entry("implicit-midpoint", 2, [["1/2"]], ["1"], "the implicit midpoint rule, symplectic and symmetric", HLW),
+    _entry("implicit-euler", 1, [["1"]], ["1"], "Euler's implicit method", HLW, aliases=("backward-euler",),
+        title="implicit Euler"),
+    _entry("implicit-midpoint", 2, [["1/2"]], ["1"], "the implicit midpoint rule, symplectic and symmetric", HLW,
+        title="implicit midpoint"),
     _entry("trapezoidal", 2, [["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"],
         "the implicit trapezoidal rule, symmetric and conjugate to the midpoint rule", HLW,
         aliases=("crank-nicolson", "implicit-trapezoidal")),
     _entry("crouzeix3", 3, [["1/2+sqrt(3)/6", "0"], ["-sqrt(3)/3", "1/2+sqrt(3)/6"]], ["1/2", "1/2"],
         "A-stable method of order 3 with two stages: sdirk2 with gamma = 1/2 + sqrt(3)/6",
-        f"M. Crouzeix, thesis, Paris (1975); {NORSETT}", aliases=("crouzeix",)),
+        f"M. Crouzeix, thesis, Paris (1975); {NORSETT}", aliases=("crouzeix",), title="Crouzeix 3"),
     _entry("crouzeix4", 4, _CROUZEIX4_ROWS, _CROUZEIX4_WEIGHTS,
         "A-stable method of order 4 with three stages and the diagonal 1/2 + cos(pi/18)/sqrt(3)",
-        f"M. Crouzeix, thesis, Paris (1975); {NORSETT}"),
+        f"M. Crouzeix, thesis, Paris (1975); {NORSETT}", title="Crouzeix 4"),
     _entry("qin-zhang", 2, [["1/4", "0"], ["1/2", "1/4"]], ["1/2", "1/2"],
         "two implicit midpoint steps of half the length, symplectic: sdirk2 with gamma = 1/4",
-        "M.-Z. Qin, M.-Q. Zhang, J. Comput. Math. Suppl. (1992) 205–215"),
+        "M.-Z. Qin, M.-Q. Zhang, J. Comput. Math. Suppl. (1992) 205–215", title="Qin–Zhang"),
     MethodEntry("sdirk2", "diagonally implicit", 2, 2,
         "singly diagonally implicit with nodes gamma and 1 - gamma; order 3 for gamma = 1/2 ± sqrt(3)/6", NORSETT,
-        _sdirk2, parameters=("gamma",)),
+        _sdirk2, parameters=("gamma",), title="SDIRK2"),
     MethodEntry("sdirk2-general", "diagonally implicit", 2, 2,
         "all singly diagonally implicit methods of order 2 with two stages and nodes gamma and c2", NORSETT,
-        _sdirk2_general, parameters=("gamma", "c2")),
+        _sdirk2_general, parameters=("gamma", "c2"), title="SDIRK2 general"),
 )  # fmt: skip

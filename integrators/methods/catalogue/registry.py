@@ -49,6 +49,7 @@ class MethodEntry(NamedTuple):
         aliases: Other names of the method.
         parameters, options: The names of its free parameters, and of those with a customary value.
         least_stages: The smallest number of stages of a family.
+        title: The name in titles, legends and captions, where it is another; a family's number of stages follows it.
 
     Example:
         >>> import bseries as bs
@@ -70,6 +71,7 @@ class MethodEntry(NamedTuple):
     parameters: tuple[str, ...] = ()
     least_stages: int = 1
     options: tuple[str, ...] = ()
+    title: str = ""
 
     @property
     def is_tableau(self) -> bool:

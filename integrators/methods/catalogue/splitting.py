@@ -81,30 +81,32 @@ def _composed(scheme: str, **labels: str) -> Splitting:
 def _composition_entry(name: str, scheme: Scheme) -> MethodEntry:
     about = f"{scheme.steps} Strang steps, {scheme.about}"
     flows = 2 * scheme.steps + 1
-    return MethodEntry(name, "splitting", flows, scheme.order, about, scheme.reference, partial(_composed, name))
+    build, title = partial(_composed, name), scheme.title
+    return MethodEntry(name, "splitting", flows, scheme.order, about, scheme.reference, build, title=title)
 
 
 METHODS = (
     MethodEntry("lie-trotter", "splitting", 2, 1, "a step of a, then a step of b", HLW,
-        partial(Splitting, [("a", "1"), ("b", "1")])),
+        partial(Splitting, [("a", "1"), ("b", "1")]), title="Lie–Trotter"),
     MethodEntry("strang", "splitting", 3, 2, "half a step of a, a step of b, half a step of a",
         f"G. Strang, SIAM J. Numer. Anal. 5 (1968) 506–517, doi:10.1137/0705041; {HLW}",
-        partial(Splitting, [("a", "1/2"), ("b", "1"), ("a", "1/2")]), ("strang-splitting", "marchuk")),
+        partial(Splitting, [("a", "1/2"), ("b", "1"), ("a", "1/2")]), ("strang-splitting", "marchuk"), title="Strang"),
     MethodEntry("ruth3", "splitting", 6, 3, "three steps of each part, with rational coefficients",
         "R. D. Ruth, IEEE Trans. Nucl. Sci. 30 (1983) 2669–2671, doi:10.1109/TNS.1983.4332919",
-        partial(Splitting, [("a", "7/24"), ("b", "2/3"), ("a", "3/4"), ("b", "-2/3"), ("a", "-1/24"), ("b", "1")])),
+        partial(Splitting, [("a", "7/24"), ("b", "2/3"), ("a", "3/4"), ("b", "-2/3"), ("a", "-1/24"), ("b", "1")]),
+        title="Ruth 3"),
     MethodEntry("mclachlan4", "splitting", 11, 4, "ten Lie-Trotter steps, every other one adjoint, with small errors",
-        MCLACHLAN, _mclachlan4),
+        MCLACHLAN, _mclachlan4, title="McLachlan 4"),
     MethodEntry("pefrl4", "splitting", 9, 4,
         "Forest and Ruth's method with one more stage and smaller errors, as 16-digit decimals",
         "I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 146 (2002) 188–202, "
         "doi:10.1016/S0010-4655(02)00451-4",
         _symmetric("b", "0.1786178958448091 -0.06626458266981849", "0.7123418310626054", digits=15),
-        ("pefrl", "omelyan4")),
+        ("pefrl", "omelyan4"), title="PEFRL4"),
     MethodEntry("blanes-moan4", "splitting", 13, 4,
         "six stages with very small errors, as 15-digit decimals; recommended for order 4", BLANES_MOAN,
         _symmetric("a", "0.0792036964311957 0.353172906049774 -0.0420650803577195",
-            "0.209515106613362 -0.143851773179818", digits=15)),
+            "0.209515106613362 -0.143851773179818", digits=15), title="Blanes–Moan 4"),
     # Printed with 15 digits. The order conditions leave one free parameter, the second number, used as printed. The
     # other coefficients are the solution of the conditions nearest to the printed values.
     MethodEntry("blanes-moan6", "splitting", 21, 6,
@@ -115,25 +117,26 @@ METHODS = (
             "0.1488164479010432053333931406648383 -0.1323858657677835879043958615671915 "
             "0.0673076046921844904199612816920070 0.4326664025781735350222165239488431",
             digits=32),
-        ("blanes-moan-s10",)),
+        ("blanes-moan-s10",), title="Blanes–Moan 6"),
     MethodEntry("triple-jump4", "splitting", 7, 4, "three Strang steps with 1/(2 - 2^(1/3)); Forest and Ruth's method",
         f"{FOREST_RUTH}; {SUZUKI}; {YOSHIDA}", partial(_composed, "triple-jump4"),
-        ("triple-jump", "forest-ruth", "yoshida4")),
+        ("triple-jump", "forest-ruth", "yoshida4"), title="triple jump 4"),
     MethodEntry("suzuki4", "splitting", 11, 4,
         "five Strang steps with 1/(4 - 4^(1/3)); recommended to compose for order 4", SUZUKI,
-        partial(_composed, "suzuki4"), ("suzuki-fractal4",)),
+        partial(_composed, "suzuki4"), ("suzuki-fractal4",), title="Suzuki 4"),
     *(_composition_entry(name, scheme) for name, scheme in SCHEMES.items()),
     # Blanes and Moan print 15 or 16 digits. Their free parameters are used as printed; the other coefficients are the
     # solution of the order conditions nearest to the printed values. Okunbor and Skeel's method is an isolated one.
     MethodEntry("mclachlan-atela4", "nystrom splitting", 8, 4,
         "four forces and small errors, not symmetric, as 18-digit decimals", MCLACHLAN_ATELA,
         _kicks_and_drifts("0.1344961992774310892 -0.2248198030794208058 0.7563200005156682911 0.3340036032863214255",
-            "0.5153528374311229364 -0.085782019412973646 0.4415830236164665242 0.1288461583653841854", digits=17)),
+            "0.5153528374311229364 -0.085782019412973646 0.4415830236164665242 0.1288461583653841854", digits=17),
+        title="McLachlan–Atela 4"),
     MethodEntry("blanes-moan-rkn4", "nystrom splitting", 13, 4,
         "six forces and very small errors, as 15-digit decimals refined to 32; recommended for order 4", BLANES_MOAN,
         _symmetric("p", "0.0829844064174048729189656253433127 0.396309801498368 -0.0390563049223483952772822867670530",
             "0.245298957184271 0.604872665711080", digits=32),
-        ("srkn6b",)),
+        ("srkn6b",), title="Blanes–Moan RKN4"),
     MethodEntry("mclachlan-atela5", "nystrom splitting", 12, 5, "six forces, not symmetric, as 17-digit decimals",
         MCLACHLAN_ATELA,
         _kicks_and_drifts(
@@ -141,7 +144,7 @@ METHODS = (
             "0.0107050818482359840 -0.0589796254980311632",
             "0.339839625839110000 -0.088601336903027329 0.5858564768259621188 -0.603039356536491888 "
             "0.3235807965546976394 0.4423637942197494587",
-            digits=16)),
+            digits=16), title="McLachlan–Atela 5"),
     MethodEntry("okunbor-skeel6", "nystrom splitting", 15, 6,
         "the fewest forces for order 6, seven, as 19-digit decimals refined to 32", OKUNBOR_SKEEL,
         _symmetric("q",
@@ -149,7 +152,7 @@ METHODS = (
             "-0.0183358520964605903443874884097306",
             "0.0001660069265000989421747072427970 -0.3796242142637736060819469079990921 "
             "0.6891374118518106367408016646578030",
-            digits=29)),
+            digits=29), title="Okunbor–Skeel 6"),
     MethodEntry("blanes-moan-rkn6", "nystrom splitting", 29, 6,
         "fourteen forces and very small errors, as 15-digit decimals refined to 32; recommended for order 6",
         BLANES_MOAN,
@@ -159,7 +162,7 @@ METHODS = (
             "0.09171915262446165 0.183983170005006 -0.0565343658328904459050907390129056 "
             "0.0049146887747116556462100123840291 0.1437611271683631211334211026097398 0.328567693746804",
             digits=31),
-        ("srkn14a",)),
+        ("srkn14a",), title="Blanes–Moan RKN6"),
     MethodEntry("blanes-moan-rkn6-11", "nystrom splitting", 23, 6,
         "eleven forces and very small errors, as 15-digit decimals refined to 32", BLANES_MOAN,
         _symmetric("p",
@@ -168,7 +171,7 @@ METHODS = (
             "0.1232297759462719267843141580037645 0.290553797799558 -0.1270492126254174480393202678221216 "
             "-0.246331761062075 0.357208872795928",
             digits=31),
-        ("srkn11b",)),
+        ("srkn11b",), title="Blanes–Moan RKN6 (11)"),
     MethodEntry("blanes-casas-rkn8", "nystrom splitting", 39, 8,
         "nineteen forces, as 30-digit decimals; recommended for order 8", BLANES_CASAS,
         _symmetric("q",
@@ -178,5 +181,5 @@ METHODS = (
             "0.129478606560536730662493794395 0.222257260092671143423043559581 -0.0577514893325147204757023246320 "
             "-0.0578312262103924910221345032763 0.103087297437175356747933252265 -0.140819612554090768205554103887 "
             "0.0234462603492826276699713718626 0.134854517356684096617882205068 0.0287973821073779306345172160211",
-            digits=28)),
+            digits=28), title="Blanes–Casas RKN8"),
 )  # fmt: skip

@@ -207,9 +207,10 @@ SCENES = (
     SceneEntry("outer-solar-system", outer_solar_system,
         "the Sun and the five outer planets (with Pluto) from September 5, 1994, in three dimensions",
         "HLW, section I.2.4, with data of the Ahnerts Kalender für Sternfreunde 1994",
-        built_in_effects=OUTER_SOLAR_SYSTEM_EFFECTS, bodies=bodies),
+        built_in_effects=OUTER_SOLAR_SYSTEM_EFFECTS, bodies=bodies, title="outer solar system"),
     SceneEntry("kepler", kepler, "a planet about the sun, with eccentricity 3/5 and period 2π",
-        "HLW, section I.2 and exercise I.6.9 (the Runge–Lenz vector)"),
+        "HLW, section I.2 and exercise I.6.9 (the Runge–Lenz vector)", title="Kepler"),
     SceneEntry("perturbed-kepler", perturbed_kepler, "a planet whose perihelion advances, V(r) = −1/r − μ/(3 r³)",
-        "HLW, exercise I.6.12 and section VIII.1 (μ = 0.015); E. Hairer, lecture on long-time behaviour, example 8"),
+        "HLW, exercise I.6.12 and section VIII.1 (μ = 0.015); E. Hairer, lecture on long-time behaviour, example 8",
+        title="perturbed Kepler"),
 )  # fmt: skip

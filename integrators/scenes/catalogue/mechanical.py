@@ -195,27 +195,29 @@ def magnetic_dipole() -> Scene:
 
 SCENES = (
     SceneEntry("harmonic-oscillator", harmonic_oscillator, "the harmonic oscillator with the frequency ω",
-        "L. D. Landau, E. M. Lifshitz, Mechanics, §21; HLW, section I.5.2 (its integrators)"),
+        "L. D. Landau, E. M. Lifshitz, Mechanics, §21; HLW, section I.5.2 (its integrators)",
+        title="harmonic oscillator"),
     SceneEntry("pendulum", pendulum, "the mathematical pendulum",
         "HLW, section I.1.3; E. Hairer, lecture on long-time behaviour, example 4 and section 4"),
     SceneEntry("double-pendulum", double_pendulum, "two pendulums, one hanging from the other: chaotic at large angles",
-        "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)"),
+        "L. D. Landau, E. M. Lifshitz, Mechanics, §5, problem 1 (the Lagrangian)", title="double pendulum"),
     SceneEntry("henon-heiles", henon_heiles,
         "the Hénon–Heiles model: regular orbits at low energies, chaos towards 1/6",
         "M. Hénon, C. Heiles, Astron. J. 69 (1964) 73, doi:10.1086/109234; HLW, section I.3",
-        aliases=("hénon-heiles",)),
+        aliases=("hénon-heiles",), title="Hénon–Heiles"),
     SceneEntry("central-field", central_field, "motion in a central field V(r), in polar coordinates",
-        "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4"),
+        "HLW, section X.1; E. Hairer, lecture on long-time behaviour, example 8 and exercises 3, 4",
+        title="central field"),
     SceneEntry("field-nijhoff", field_nijhoff,
         "H = ln(α + p) + ln(β + q): the modified Hamiltonian of symplectic Euler is known in closed form",
         "C. M. Field, F. W. Nijhoff, Nonlinearity 16 (2003) 1673; "
-        "E. Hairer, lecture on long-time behaviour, exercise 5"),
+        "E. Hairer, lecture on long-time behaviour, exercise 5", title="Field–Nijhoff"),
     SceneEntry("charged-particle", charged_particle, "a charged particle in a magnetic field B(x) and a potential U(x)",
         "H. Qin et al., Phys. Plasmas 20 (2013) 084503, doi:10.1063/1.4818428; "
-        "E. Hairer, C. Lubich, BIT 58 (2018) 969–979, doi:10.1007/s10543-018-0713-1"),
+        "E. Hairer, C. Lubich, BIT 58 (2018) 969–979, doi:10.1007/s10543-018-0713-1", title="charged particle"),
     SceneEntry("magnetic-dipole", magnetic_dipole,
         "Störmer's problem: a charged particle in the field of a magnetic dipole, such as the Earth",
         "C. Störmer, Arch. Sci. Phys. Nat. 24 (1907) 5; "
         "H. R. Dullin, M. Horányi, J. E. Howard, Physica D 171 (2002) 178, doi:10.1016/S0167-2789(02)00550-X",
-        aliases=("stormer-problem", "störmer-problem")),
+        aliases=("stormer-problem", "störmer-problem"), title="magnetic dipole"),
 )  # fmt: skip

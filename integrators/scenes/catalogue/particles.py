@@ -241,13 +241,13 @@ SCENES = (
     SceneEntry("toda", toda, "the periodic Toda lattice of n particles, completely integrable",
         "M. Toda, J. Phys. Soc. Japan 22 (1967) 431–436; H. Flaschka, Phys. Rev. B 9 (1974) 1924–1925; "
         "HLW, section X.1.5; E. Hairer, lecture on long-time behaviour, example 9",
-        aliases=("toda-lattice",)),
+        aliases=("toda-lattice",), title="Toda"),
     SceneEntry("fermi-pasta-ulam", fermi_pasta_ulam,
         "2m masses joined by soft quartic and stiff linear springs in turn; oscillatory energies over long times",
         "L. Galgani, A. Giorgilli, A. Martinoli, S. Vanzini, Physica D 59 (1992) 334–348; HLW, section I.5.1",
-        aliases=("fpu",)),
+        aliases=("fpu",), title="Fermi–Pasta–Ulam"),
     SceneEntry("lennard-jones", lennard_jones,
         "atoms with the Lennard-Jones potential, a cluster at a given temperature",
         "J. E. Jones, Proc. R. Soc. London A 106 (1924) 463–477; HLW, section I.4; "
-        "E. Hairer, lecture on long-time behaviour, figure 8"),
+        "E. Hairer, lecture on long-time behaviour, figure 8", title="Lennard-Jones"),
 )  # fmt: skip

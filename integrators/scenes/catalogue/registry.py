@@ -35,6 +35,7 @@ class SceneEntry(NamedTuple):
         built_in_effects: Effects that are more than additions to the base system, with their summaries: `builder`
             receives their names as `effects`.
         bodies: Names of the particles, in their order, for given effects, where these change the number of particles.
+        title: The name in titles and captions, where it is another.
 
     Example:
         >>> import bseries as bs
@@ -52,6 +53,7 @@ class SceneEntry(NamedTuple):
     aliases: tuple[str, ...] = ()
     built_in_effects: Mapping[str, str] | None = None
     bodies: Callable[[Collection[str]], Sequence[str]] | None = None
+    title: str = ""
 
     def build(self, **options: Any) -> Scene:
         """Build the scene; it has the labels of the entry unless the builder sets its own."""

@@ -210,12 +210,12 @@ def test_volume_in_separable_systems():
 
 def rows_of(conditions, table, n):
     """The conditions on trees with n nodes, as rows over these trees."""
-    ids, start, rows = table.ids(n), conditions._start, []
+    ids, start, rows = table.ids(n), conditions.start, []
     for k, breaks in enumerate(conditions.breaks):
         if breaks in ids:
             row = [0] * len(ids)
             for at in range(start[k], start[k + 1]):
-                row[conditions._tree[at] - ids.start] += int(conditions._factor[at])
+                row[conditions.trees[at] - ids.start] += int(conditions.factors[at])
             rows.append(row)
     return rows
 

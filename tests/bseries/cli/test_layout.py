@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import threading
 
 import pytest
 
@@ -27,17 +28,26 @@ class Terminal(io.StringIO):
         return True
 
 
+def wait_for_timers():
+    """Until the bar is drawn."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.join()
+
+
 def test_progress_bar_appears_and_goes(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
     monkeypatch.setattr("bseries.cli.output.PATIENCE", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     with Progress() as progress:
-        progress._timer.join()
+        wait_for_timers()
         progress.update(1, 2)
     assert "computing" in terminal.getvalue()
     assert "compiling" not in terminal.getvalue()
-    assert progress._bar is None
+    shown = terminal.getvalue()
+    progress.update(2, 2)
+    assert terminal.getvalue() == shown  # the bar is gone
 
 
 def test_progress_bar_says_that_code_is_compiled(monkeypatch):
@@ -46,8 +56,8 @@ def test_progress_bar_says_that_code_is_compiled(monkeypatch):
     monkeypatch.setattr("bseries.cli.output.PATIENCE", 0.0)
     monkeypatch.setattr("bseries.cli.output.is_compiling", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
-    with Progress() as progress:
-        progress._timer.join()
+    with Progress():
+        wait_for_timers()
     assert "compiling for the first time" in terminal.getvalue()
 
 

@@ -83,7 +83,7 @@ def test_a_coarse_mean_is_another_one(monkeypatch):
 @pytest.mark.slow
 def test_figure_8_and_the_means_of_19_for_atoms():
     """The ensemble, and the rates along other trajectories, tell the same; the step agrees by the law h⁴."""
-    data, drifts = figure_data("lennard-jones-drift"), module._atom_drifts()
+    data, drifts = figure_data("lennard-jones-drift"), module.atom_drifts()
     assert abs(data.mean[-1]) < 2 * data.standard_error[-1]
     assert all(abs(s.mean) < 3 * s.error for s in drifts)
     assert sum(s.diffusion for s in drifts) > 4 * sum(s.diffusion_error**2 for s in drifts) ** 0.5

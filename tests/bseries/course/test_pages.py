@@ -153,7 +153,7 @@ def test_solutions_are_left_out():
     ],
 )
 def test_delimiters_adapt(tex, found):
-    assert documents.DELIMITER.sub(documents._stretched, tex) == found
+    assert documents.DELIMITER.sub(documents.stretched, tex) == found
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import pytest
 
 from foundation.diagrams import axis_label
-from foundation.printed_names import printed_text
+from integrators.runs.titles import printed_text
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,11 @@ def test_names_in_titles():
     assert printed_text(title) == "RK4 on pendulum with damping, h = 0.1: linear drift, slope 3"
     assert printed_text("modified Hamiltonian to h^12") == "modified Hamiltonian to h¹²"
     assert printed_text("gauss3 on fermi-pasta-ulam") == "Gauss 3 on Fermi–Pasta–Ulam"
+
+
+@pytest.mark.parametrize("name", ["euler-flow", "strang-splitting4", "rk4-verlet", "boris3", "symplectic-gauss"])
+def test_names_of_users_are_never_half_translated(name):
+    assert printed_text(f"{name} on body-field") == f"{name} on body-field"
 
 
 @pytest.mark.parametrize(
