@@ -99,7 +99,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
         return sum(terms, Fraction(0))
     import sympy
 
-    return _normal(sympy.expand(sympy.Add(*terms)))
+    return exact.simplest(sympy.expand(sympy.Add(*terms)))
 
 
 def multiply_entries(x: Any, y: Any) -> Any:
@@ -117,11 +117,7 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
-    return _normal(sympy.expand(first * second))
-
-
-def _normal(value: sympy.Expr) -> Entry:
-    return Fraction(int(value.p), int(value.q)) if value.is_Rational else value  # type: ignore[attr-defined]
+    return exact.simplest(sympy.expand(first * second))
 
 
 def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
@@ -163,7 +159,7 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     return max(published, FLOAT_PRECISION) if domain == "float" else published
 
 
-def nearest_decimal(x: Any) -> Fraction:
+def nearest_decimal(x: object) -> Fraction:
     """The shortest decimal that rounds to the same double."""
     return Fraction(repr(round_entry(x)))
 

@@ -65,7 +65,7 @@ class RungeKutta(Method):
     algebra: StageAlgebra | None
 
     def __init__(
-        self, A: Any, b: Any, c: Any = None, *, embedded: Any = None, parameters: Iterable[str] = (),
+        self, A: object, b: object, c: object = None, *, embedded: object = None, parameters: Iterable[str] = (),
         name: str | None = None, digits: int | None = None, reference: str | None = None, warn: bool = True,
     ) -> None:  # fmt: skip
         matrix, weights, nodes, extra = _read_tableau(A, b, c, embedded, check_names(parameters, "parameters"), digits)
@@ -89,7 +89,7 @@ class RungeKutta(Method):
         return method
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         if self.algebra is not None and self.domain == "algebraic":
             return (self.algebra,)
         return self.domain, self.A, self.b, self.c, self.embedded, self.digits
@@ -391,7 +391,7 @@ class RungeKutta(Method):
 
 
 def _read_tableau(
-    A: Any, b: Any, c: Any, embedded: Any, names: tuple[str, ...], digits: int | None
+    A: object, b: object, c: object, embedded: object, names: tuple[str, ...], digits: int | None
 ) -> tuple[Matrix, EntryRow, EntryRow, Matrix]:
     """The stage matrix, weights, nodes (empty if not given) and rows of embedded weights, in one domain."""
     raw = [items(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1)]
@@ -406,7 +406,7 @@ def _read_tableau(
     if first != stages:
         raise IntegratorError(f"A must be square, but has {stages} row{'s' * (stages > 1)} of {entry_count(first)}")
 
-    def read(values: Any, argument: str) -> EntryRow:
+    def read(values: object, argument: str) -> EntryRow:
         row = items(values, argument)
         if len(row) != stages:
             raise IntegratorError(f"{argument} must have as many entries as A has rows, {stages}, but has {len(row)}")
@@ -492,7 +492,7 @@ def _entry_text(value: Entry) -> str:
     return shorten(format_number(value))
 
 
-def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:
+def check_known(values: Mapping[str, object], parameters: Sequence[str]) -> None:
     """Refuse values for names that are not parameters."""
     for name in values:
         if name not in parameters:

@@ -53,7 +53,7 @@ class SceneEntry(NamedTuple):
     built_in_effects: Mapping[str, str] | None = None
     bodies: Callable[[Collection[str]], Sequence[str]] | None = None
 
-    def build(self, **options: Any) -> Scene:
+    def build(self, **options: object) -> Scene:
         """Build the scene; it has the labels of the entry unless the builder sets its own."""
         return labelled(self.builder(**options), name=self.name, summary=self.summary, reference=self.reference)
 
@@ -137,7 +137,7 @@ def scene_catalogue() -> SceneCatalogue:
     return SceneCatalogue(REGISTER.entries)
 
 
-def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any) -> Scene:
+def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: object) -> Scene:
     """Build a scene of the catalogue.
 
     Args:
@@ -178,7 +178,7 @@ def as_scene(value: Scene | str) -> Scene:
     return value
 
 
-def find_entry(name: Any) -> SceneEntry:
+def find_entry(name: object) -> SceneEntry:
     """The entry of a name or alias, in any spelling."""
     key = spelling(name) if isinstance(name, str) else ""
     index = REGISTER.index_with(key)
