@@ -1,6 +1,5 @@
 import integrators as integrators
 import trees as trees
-from foundation.errors import BSeriesError as BSeriesError
 from integrators import Effect as Effect
 from integrators import IntegratorError as IntegratorError
 from integrators import PartitionedRungeKutta as PartitionedRungeKutta

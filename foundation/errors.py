@@ -13,7 +13,7 @@ class BSeriesError(ValueError):
         >>> import bseries as bs
         >>> try:
         ...     bs.scene("keppler")
-        ... except bs.BSeriesError as error:
+        ... except bs.integrators.BSeriesError as error:
         ...     print(error)
         scene must be one of the catalogue, but was 'keppler'; did you mean kepler?
     """

@@ -1,6 +1,6 @@
 """The error that every misuse of this package raises, and the parts of its messages."""
 
-from foundation.errors import BSeriesError
+from foundation.errors import BSeriesError as BSeriesError
 from foundation.errors import not_one_of as not_one_of
 from foundation.errors import shorten as shorten
 from foundation.errors import shown as shown

@@ -85,14 +85,9 @@ class ReferenceSolution(NamedTuple):
 
 @overload
 def reference_solution(
-    scene: Scene | str,
-    t: object,
-    *,
-    y0: object = None,
-    t0: object = None,
-    digits: int = 30,
+    scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = 30,
     full: Literal[False] = False,
-) -> np.ndarray: ...
+) -> np.ndarray: ...  # fmt: skip
 @overload
 def reference_solution(
     scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = 30, full: Literal[True]

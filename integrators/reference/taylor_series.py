@@ -495,16 +495,9 @@ def at(series: Array, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
 
 @strict
 def evaluate(
-    series: Array,
-    dimension: int,
-    order: int,
-    step: float,
-    unit: float,
-    state: Array,
-    times: Array,
-    first: int,
+    series: Array, dimension: int, order: int, step: float, unit: float, state: Array, times: Array, first: int,
     values: Array,
-) -> int:
+) -> int:  # fmt: skip
     """Evaluate the solution and its size Σ |c_k step^k| at the times within a step; the index of the next time."""
     while first < len(times):
         s = scale(subtract((times[first, 0], times[first, 1]), (state[0], state[1])), 1 / unit)

@@ -379,13 +379,10 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 
 
 def _blocks(
-    work: Members,
-    starts: np.ndarray | None,
-    count: int,
-    folder: str | None,
+    work: Members, starts: np.ndarray | None, count: int, folder: str | None,
     compute: Callable[[Sequence[tuple[object, ...]]], Generator[Block, None, None]],
     progress: Callable[[int, int], None] | None,
-) -> Generator[Block, None, None]:
+) -> Generator[Block, None, None]:  # fmt: skip
     """All blocks in order; their size, a power of two, depends on `count` alone."""
     size = 1 << (-(-count // BLOCKS) - 1).bit_length()
     spans = [range(first, min(first + size, count)) for first in range(0, count, size)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dis
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from inspect import Parameter
 from typing import Any, NamedTuple, NoReturn
@@ -140,7 +140,7 @@ def _check_options(function: object, hamiltonian: bool, compiled: object, jacobi
 class _Call(NamedTuple):
     """A call of a function: its arguments as blocks of the state, or None for the time, and the names of its values."""
 
-    function: Callable[..., object]
+    function: Any
     arguments: Mapping[str, Sequence[str] | None]
     parameters: dict[str, Fraction]
     values: Sequence[str]
@@ -424,13 +424,7 @@ class FormulaArray(np.ndarray):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *values: object, **options: Any) -> Any:
         return _apply(ufunc, method, values, options)
 
-    def __array_function__(
-        self,
-        function: Callable[..., object],
-        types: Iterable[type],
-        values: Sequence[object],
-        options: Mapping[str, Any],
-    ) -> Any:  # fmt: skip
+    def __array_function__(self, function: Any, types: Any, values: Any, options: Any) -> Any:
         if function is np.where and len(values) == 3 and not options:
             return where(*values)
         return super().__array_function__(function, types, values, options)

@@ -19,7 +19,7 @@ REQUESTS = {
 
 @pytest.mark.parametrize("kind", REQUESTS)
 def test_errors_of_all_packages_have_one_base_class(kind):
-    with pytest.raises(bs.BSeriesError) as caught:
+    with pytest.raises(bs.integrators.BSeriesError) as caught:
         REQUESTS[kind]()
     assert type(caught.value) is kind
     assert isinstance(caught.value, ValueError)
@@ -50,5 +50,5 @@ def test_one_file_looks_for_names_of_a_similar_spelling():
     ],
 )
 def test_messages_on_unknown_names_suggest_known_ones(request_of, message):
-    with pytest.raises(bs.BSeriesError, match=message):
+    with pytest.raises(bs.integrators.BSeriesError, match=message):
         request_of()
