@@ -1,7 +1,9 @@
 """The error that every misuse of this package raises."""
 
+from foundation.errors import BSeriesError
 
-class SeriesError(ValueError):
+
+class SeriesError(BSeriesError):
     """A request about series that cannot be served.
 
     The message names the argument, what it must be, and what it was.

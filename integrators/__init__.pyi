@@ -1,5 +1,6 @@
 from . import methods as methods
 from . import runs as runs
+from .core.errors import BSeriesError as BSeriesError
 from .core.errors import IntegratorError as IntegratorError
 from .methods.catalogue.registry import MethodEntry as MethodEntry
 from .methods.catalogue.registry import catalogue as catalogue

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 from bseries.course.questions import QUESTIONS, Question
 from bseries.exceptions import SeriesError
+from foundation.errors import BSeriesError
 from foundation.table import Column, Table, as_frame, as_html, as_text
-from integrators.core.errors import IntegratorError, shorten, shown, suggestion
+from integrators.core.errors import shorten, shown, suggestion
 
 MOST_CHARACTERS = 100_000
 """Of a text of answers."""
@@ -169,6 +170,6 @@ def _checked(question: Question, text: str) -> CheckedAnswer:
         if len(text) > MOST_OF_AN_ANSWER:
             raise SeriesError(f"{question.key} must have at most {MOST_OF_AN_ANSWER} characters, but had {len(text)}")
         right, remark = question.kind.judge(text, question.truth(), question.key)
-    except (SeriesError, IntegratorError) as error:
+    except BSeriesError as error:
         return CheckedAnswer(question.key, text, UNREADABLE, str(error))
     return CheckedAnswer(question.key, text, RIGHT if right else WRONG, remark)

@@ -16,6 +16,7 @@ from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit,
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from foundation.errors import BSeriesError
 from integrators import Stepper, reference_solution, stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
@@ -299,7 +300,7 @@ class SceneFlows:
         for method, terms in [*tries, ("implicit-midpoint", 1)]:  # whose first term is H
             try:
                 return modified_hamiltonian(method, self.scene, terms)
-            except (SeriesError, IntegratorError):
+            except BSeriesError:
                 continue
         return None
 

@@ -12,7 +12,7 @@ from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
 from bseries.analysis.stability import criteria
 from bseries.exceptions import SeriesError
-from integrators.core.errors import IntegratorError
+from foundation.errors import BSeriesError
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.presentation import tableau_html
@@ -199,5 +199,5 @@ def region_of(method: Method) -> StabilityShapes | str:
         return f"There is no stability region of {method.name}, which is not given by one tableau."
     try:
         return stability_shapes(method)
-    except (IntegratorError, SeriesError) as error:
+    except BSeriesError as error:
         return f"There is no stability region: {error}."

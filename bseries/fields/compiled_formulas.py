@@ -12,7 +12,7 @@ import sympy
 from bseries.fields.inputs import in_threads
 from foundation.lowering import SOURCES
 from integrators.compile.modules import load_module
-from integrators.compile.printer import operation_cost, source_lines
+from integrators.compile.printer import Assign, operation_cost, source_lines
 
 CONTRACTION_NANOSECONDS = 15
 OPERATION_NANOSECONDS = 1
@@ -73,7 +73,8 @@ class CompiledFormulas:
         h = sympy.Dummy("h")
         sums = [sympy.Add(*(h**k * formula for k, formula in enumerate(column))) for column in self.columns]
         names = {symbol: f"y{i}" for i, symbol in enumerate(self.symbols)}
-        self.lines = source_lines([(f"f{i}", formula) for i, formula in enumerate(sums)], {**names, h: "h"})
+        statements = [Assign(f"f{i}", "=", formula) for i, formula in enumerate(sums)]
+        self.lines = source_lines(statements, {**names, h: "h"})
 
     def is_faster(self, contractions: int) -> bool:
         """Whether the formulas cost less than this number of tensor contractions."""

@@ -23,7 +23,7 @@ from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
-from integrators import IntegratorError
+from foundation.errors import BSeriesError
 from integrators.reference.plain_steps import Arithmetic
 
 CHUNK_ROWS = 64  # rows of sites evaluated together when there are many points
@@ -82,7 +82,7 @@ class CompiledSeries:
             if not series.is_field:
                 terms.insert(0, tuple(series.empty * symbol for symbol in series.scene.symbols))
             return CompiledFormulas(series.scene.symbols, list(zip(*terms, strict=True)))
-        except (SeriesError, IntegratorError):
+        except BSeriesError:
             if is_fixed:
                 raise
             return None

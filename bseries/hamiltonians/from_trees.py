@@ -36,7 +36,7 @@ from bseries.fields.modified_fields import (
     trees_of_method,
     trees_of_series,
 )
-from integrators import IntegratorError
+from foundation.errors import BSeriesError
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method, common_bounds
@@ -230,7 +230,7 @@ class EnergySeries:
         try:
             formulas = self.formulas(limit=MOST_MONOMIALS)
             faster = formulas.total.is_faster(contractions(self.series.evaluator.tables[0]))
-        except (SeriesError, IntegratorError):
+        except BSeriesError:
             return self
         return formulas if faster else self
 

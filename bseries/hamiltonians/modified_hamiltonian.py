@@ -31,10 +31,11 @@ from bseries.hamiltonians.verdicts import (
     name_of,
 )
 from foundation.diagrams import axis_label, draw_curves, draw_levels
+from foundation.errors import BSeriesError
 from foundation.formulas import formula_text
 from foundation.plotting import BLUE, drawing
 from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import shown
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -528,7 +529,7 @@ def _with_constants(
         return terms
     try:
         _, energy = _route_and_energy(method, scene, order, parts, route)
-    except (SeriesError, IntegratorError):
+    except BSeriesError:
         return terms
     found = [terms[0]]
     for k, term in enumerate(terms[1:], 1):

@@ -7,14 +7,13 @@ error through machine code of steps: its values are nan, and its error is kept f
 from __future__ import annotations
 
 import ctypes
-import dis
 import math
 import re
 import threading
+import warnings
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from itertools import pairwise
 from types import FunctionType
-from typing import Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -29,6 +28,9 @@ from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, b
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
+
+if TYPE_CHECKING:
+    from numba import types
 
 _DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
@@ -67,20 +69,28 @@ def bound(function, report):
 
 
 def black_box(
-    function: Callable[..., Any], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
+    function: Callable[..., object], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
     jacobian: BlackBox | None = None,
 ) -> BlackBox:  # fmt: skip
     """Compile a function of Python, or take one that numba has compiled.
 
     Raises:
         IntegratorError: Numba cannot compile it, or its value has another type or length.
+
+    Warns:
+        RuntimeWarning: It returns a list.
     """
+    from numba import types
+
     box = BlackBox(dispatcher_of(function), name, arguments, shape, jacobian)
     _compiled(box)
+    if isinstance(_value_type(box), types.List):
+        message = f"{name} should return a tuple: with the list that it returns, steps take several times as long"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
     return box
 
 
-def dispatcher_of(function: Any) -> Any:
+def dispatcher_of(function: object) -> Any:
     """The function as one of numba; the same one for functions with the same text and frozen values."""
     numba = optional_module("numba", "a function without formulas")
     if hasattr(function, "py_func") and hasattr(function, "get_call_template"):  # made by numba's decorators
@@ -92,37 +102,24 @@ def dispatcher_of(function: Any) -> Any:
     if found is None:
         from integrators.compile.machine import OPTIONS
 
-        found = _DISPATCHERS[key] = numba.njit(**OPTIONS)(_with_tuples(function))
+        found = _DISPATCHERS[key] = numba.njit(**OPTIONS)(function)
     return found
 
 
-def _with_tuples(function: FunctionType) -> FunctionType:
-    """A copy with ``return (a, b)`` for ``return [a, b]``: lists take four times as long as the pendulum."""
-    code = function.__code__
-    text, instructions = bytearray(code.co_code), list(dis.get_instructions(code))
-    for one, following in pairwise(instructions):
-        if (one.opname, following.opname) == ("BUILD_LIST", "RETURN_VALUE"):
-            text[one.offset] = dis.opmap["BUILD_TUPLE"]
-    code = code.replace(co_code=bytes(text))
-    made = FunctionType(code, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
-    made.__kwdefaults__ = function.__kwdefaults__
-    return made
-
-
-def kernel(key: str) -> Any:
+def kernel(key: str) -> Callable[..., None]:
     """The function of generated code with this key, call(p) of a pointer."""
     return _compiled(box_of(key))[1]
 
 
 @cached_method
-def _compiled(box: BlackBox) -> tuple[Any, Any]:
+def _compiled(box: BlackBox) -> tuple[Callable[[np.ndarray], None], Callable[..., None]]:
     """The functions of an array and of a pointer. They live as long as the box: machine code calls `report`."""
     stored = _stored(_value_type(box), "values", box.shape, str(box.inputs), box)
     lines = [f"values = function({', '.join(_arguments(box))})", *stored]
     text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=box.total, inputs=box.inputs)
 
     @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
-    def report(numbers: Any) -> None:
+    def report(numbers: object) -> None:
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
         try:
             evaluated(box, values)
@@ -141,7 +138,7 @@ def _arguments(box: BlackBox) -> Iterator[str]:
         start += max(1, length)
 
 
-def _value_type(box: BlackBox) -> Any:
+def _value_type(box: BlackBox) -> types.Type:
     """Numba's type of the value."""
     from numba import types
 
@@ -163,7 +160,7 @@ def numba_reason(error: Exception) -> str:
     return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
 
 
-def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
+def _stored(kind: types.Type, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
     """Statements that store a value, or a part of it, of numba's type `kind` from a place on."""
     from numba import types
 
@@ -198,7 +195,7 @@ def _size_text(box: BlackBox) -> str:
     return "one number" if box.size == 1 else " times ".join(map(str, box.shape)) + " numbers"
 
 
-def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
+def _refuse_value(box: BlackBox, kind: types.Type) -> NoReturn:
     """Refuse a value of numba's type `kind`."""
     raise IntegratorError(f"function must return {_size_text(box)}, but {box.name} returned the type {shown(kind)}")
 

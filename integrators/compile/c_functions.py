@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -17,24 +17,25 @@ import numpy as np
 from foundation import machine_code
 from foundation.forks import MODULES
 from foundation.lowering import SOURCES
-from foundation.machine_code import MachineCode
+from foundation.machine_code import MachineCode, ObjectCode
 from integrators.compile.modules import load_module, module_name
 
 _WHOLE, _DOUBLE, _DOUBLES = ctypes.c_int64, ctypes.c_double, ctypes.POINTER(ctypes.c_double)
-STEPS: Any = ctypes.CFUNCTYPE(_WHOLE, *[_DOUBLES] * 6, _DOUBLE, _WHOLE, _WHOLE)
+CFunction: TypeAlias = "type[ctypes._CFunctionType]"
+STEPS = ctypes.CFUNCTYPE(_WHOLE, *[_DOUBLES] * 6, _DOUBLE, _WHOLE, _WHOLE)
 """int64_t advance(double *state, *compensation, *memory, *control, *numbers, *work, double h, int64_t steps, fresh)."""
-OBSERVER: Any = ctypes.CFUNCTYPE(None, _DOUBLE, _DOUBLES, _DOUBLES)
+OBSERVER = ctypes.CFUNCTYPE(None, _DOUBLE, _DOUBLES, _DOUBLES)
 """void observe(double t, double *y, double *out)."""
 _ROWS = _WHOLE, _DOUBLES, _WHOLE, _DOUBLES, _WHOLE
-RECORDED: Any = ctypes.CFUNCTYPE(
+RECORDED = ctypes.CFUNCTYPE(
     _WHOLE, _WHOLE, *[_DOUBLES] * 6, _WHOLE, _WHOLE, _DOUBLE, _DOUBLE, *[_WHOLE] * 4, *_ROWS, *_ROWS
 )
-REPEATED: Any = ctypes.CFUNCTYPE(
-    _WHOLE, _WHOLE, *[_DOUBLES] * 10, _WHOLE, _WHOLE, _WHOLE, _DOUBLE, _WHOLE, _WHOLE, _WHOLE
-)
+REPEATED = ctypes.CFUNCTYPE(_WHOLE, _WHOLE, *[_DOUBLES] * 10, _WHOLE, _WHOLE, _WHOLE, _DOUBLE, _WHOLE, _WHOLE, _WHOLE)
 """See `integrators.steppers.recording`."""
 _OWN = (*SOURCES, Path(__file__), Path(__file__).with_name("machine.py"))
-_Data: Any = ctypes.c_double * 0
+_Data = ctypes.c_double * 0
+Pointer: TypeAlias = ctypes.Array[ctypes.c_double] | None
+"""An argument of a C function."""
 _IN_MEMORY: WeakValueDictionary[str, MachineCode] = WeakValueDictionary()
 
 
@@ -63,7 +64,7 @@ def c_function(source: str, name: str, *, helpers: Sequence[Path] = ()) -> Machi
     helpers = *_OWN, *helpers
     key = f"{module_name(source, helpers)}.{name}"
 
-    def compiled() -> Any:
+    def compiled() -> ObjectCode:
         module = load_module(source, helpers=helpers, keep=False)
         return getattr(module, name)()
 
@@ -75,6 +76,6 @@ def c_function(source: str, name: str, *, helpers: Sequence[Path] = ()) -> Machi
     return found
 
 
-def data(array: np.ndarray) -> Any:
+def data(array: np.ndarray) -> Pointer:
     """A pointer to the data of a contiguous array of doubles that may be written; None if it is empty."""
-    return _Data.from_buffer(array) if array.size else None
+    return _Data.from_buffer(array) if array.size else None  # pyright: ignore[reportArgumentType]

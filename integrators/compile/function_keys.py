@@ -8,7 +8,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 
-def function_key(function: Callable[..., Any]) -> Hashable:
+def function_key(function: Callable[..., object]) -> Hashable:
     """A key that is equal for functions with the same text and the same frozen values.
 
     These are the values in closures, of defaults, of global names, and of the attributes of modules. Where one cannot

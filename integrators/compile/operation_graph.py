@@ -29,7 +29,7 @@ from typing import Any
 import sympy
 
 from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.arithmetic import Exact
+from integrators.exact.arithmetic import Exact, simplest
 from integrators.exact.expressions import ELEMENTARY
 
 Term = tuple[Exact, int]
@@ -50,14 +50,14 @@ class OperationGraph:
         self._numbers: dict[tuple[Any, ...], int] = {}
         self.node("product", (), ())
 
-    def node(self, *content: Any) -> int:
+    def node(self, *content: object) -> int:
         """The number of the node with this content."""
         if content not in self._numbers:
             self._numbers[content] = len(self.nodes)
             self.nodes.append(content)
         return self._numbers[content]
 
-    def product(self, above: Mapping[int, Any], below: Mapping[int, Any] | None = None) -> int:
+    def product(self, above: Mapping[int, object], below: Mapping[int, object] | None = None) -> int:
         """The product of powers of nodes; a single node to the power one is that node."""
         if not below and len(above) == 1 and set(above.values()) == {1}:
             return next(iter(above))
@@ -91,11 +91,6 @@ class OperationGraph:
             return [*content[0], *content[1]]
         terms = content[0] if kind == "sum" else [part for part in content if not isinstance(part, str)]
         return [(child, 1) for _, child in terms]
-
-
-def simplest(number: Any) -> Exact:
-    """Convert a rational number to a `Fraction`."""
-    return Fraction(int(number.p), int(number.q)) if getattr(number, "is_Rational", False) else number
 
 
 def is_negative(number: Exact) -> bool:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import sympy
 
@@ -23,11 +23,10 @@ from integrators.compile.operation_graph import (
     expand_powers,
     is_negative,
     reachable,
-    simplest,
 )
 from integrators.core.errors import IntegratorError
-from integrators.exact.arithmetic import Exact
-from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, literal, within
+from integrators.exact.arithmetic import Exact, simplest
+from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, Part, literal, within
 
 if TYPE_CHECKING:
     from integrators.scenes.model.system import System
@@ -45,10 +44,23 @@ MAX_LENGTH = 90
 """Length beyond which an expression gets a temporary variable."""
 
 
+T = TypeVar("T", covariant=True)
+
+
+class Assign(NamedTuple, Generic[T]):
+    """A statement ``target op value`` with the operator ``=``, ``+=`` or ``-=``; the value is a formula or text."""
+
+    target: str
+    op: str
+    value: T
+
+    def __str__(self) -> str:
+        return f"{self.target} {self.op} {self.value}"
+
+
 def source_lines(
-    assignments: Iterable[tuple[str, sympy.Expr]],
+    assignments: Iterable[Assign[sympy.Expr]],
     names: Mapping[sympy.Symbol, str],
-    temporary: str = "c",
 ) -> list[str]:
     """Write formulas as assignments in Python, without common subexpressions.
 
@@ -56,19 +68,20 @@ def source_lines(
         >>> import sympy
         >>> x, y = sympy.symbols("x y")
         >>> r = sympy.sqrt(x**2 + y**2)
-        >>> print(*source_lines([("out[0]", -x / r**3), ("out[1]", -y / r**3)], {x: "x", y: "y"}), sep="\\n")
+        >>> force = [Assign("out[0]", "=", -x / r**3), Assign("out[1]", "+=", -y / r**3)]
+        >>> print(*source_lines(force, {x: "x", y: "y"}), sep="\\n")
         c0 = x*x + y*y
         c1 = 1.0/(c0*sqrt(c0))
         out[0] = -x*c1
-        out[1] = -y*c1
+        out[1] -= y*c1
     """
     assignments = list(assignments)
     graph = OperationGraph()
     reader = Reader(graph, names)
     try:
-        terms = [reader.read(sympy.sympify(formula, strict=True)) for _, formula in assignments]
+        terms = [reader.read(sympy.sympify(assignment.value, strict=True)) for assignment in assignments]
         expanded = [expand_powers(graph, terms, horner=horner) for horner in (False, True)]
-        printed = [_Printer(*pair, temporary).print([target for target, _ in assignments]) for pair in expanded]
+        printed = [_Printer(*pair).print(assignments) for pair in expanded]
     except RecursionError:
         raise IntegratorError("formula must be nested less deeply, but was nested beyond the limit of Python") from None
     except ZeroDivisionError:
@@ -85,7 +98,9 @@ def count_operations(lines: Iterable[str]) -> Counter[str]:
     """
     import ast
 
-    kinds: dict[Any, str] = {ast.Add: "add", ast.Sub: "add", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}
+    kinds: dict[type[ast.operator], str] = {
+        ast.Add: "add", ast.Sub: "add", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"
+    }  # fmt: skip
     counts: Counter[str] = Counter()
     for line in lines:
         for node in ast.walk(syntax_tree(line)):
@@ -107,10 +122,10 @@ def operation_cost(lines: Iterable[str]) -> int:
 class _Printer:
     """Prints a graph; nodes with several uses and long expressions get temporary variables."""
 
-    def __init__(self, graph: OperationGraph, terms: Sequence[Term], temporary: str):
-        self.graph, self.terms, self.temporary = graph, terms, temporary
+    def __init__(self, graph: OperationGraph, terms: Sequence[Term]):
+        self.graph, self.terms = graph, terms
         self.lines: list[str] = []
-        self.texts: dict[int, tuple[str, int]] = {}
+        self.texts: dict[int, Part] = {}
         nodes = reachable(graph, [node for _, node in terms])
         self.uses = Counter(node for _, node in terms)
         for node in nodes:
@@ -119,27 +134,27 @@ class _Printer:
         self.taken: set[str] = {graph.nodes[node][1] for node in nodes if graph.nodes[node][0] == "name"}
         self.temporaries = 0
 
-    def print(self, targets: Sequence[str]) -> list[str]:
-        """The lines that assign the values to these targets."""
+    def print(self, assignments: Sequence[Assign[sympy.Expr]]) -> list[str]:
+        """The lines of these statements, whose values are the terms."""
+        targets = (assignment.target for assignment in assignments)
         self.taken = {name for text in (*self.taken, *targets) for name in re.findall(r"\w+", text)}
-        for target, term in zip(targets, self.terms, strict=True):
-            if target.endswith("+=") and is_negative(term[0]):
-                target, term = f"{target[:-2]}-=", (-term[0], term[1])
-            text = self.term(term)[0]
-            self.lines.append(f"{target} {text}" if target.endswith("=") else f"{target} = {text}")
+        for (target, op, _), (coefficient, node) in zip(assignments, self.terms, strict=True):
+            if op == "+=" and is_negative(coefficient):
+                op, coefficient = "-=", -coefficient
+            self.lines.append(str(Assign(target, op, self.term((coefficient, node))[0])))
         return self.lines
 
-    def named(self, text: str) -> tuple[str, int]:
+    def named(self, text: str) -> Part:
         """Assign a text to a new temporary variable."""
-        name = f"{self.temporary}{self.temporaries}"
+        name = f"c{self.temporaries}"
         while name in self.taken:
             self.temporaries += 1
-            name = f"{self.temporary}{self.temporaries}"
+            name = f"c{self.temporaries}"
         self.temporaries += 1
         self.lines.append(f"{name} = {text}")
         return name, ATOM
 
-    def node(self, node: int) -> tuple[str, int]:
+    def node(self, node: int) -> Part:
         """The text of a node: its expression if it has one use, otherwise its variable."""
         if node not in self.texts:
             text, binding = self.expression(node)
@@ -147,7 +162,7 @@ class _Printer:
             self.texts[node] = self.named(text) if shared or len(text) > MAX_LENGTH else (text, binding)
         return self.texts[node]
 
-    def expression(self, node: int) -> tuple[str, int]:
+    def expression(self, node: int) -> Part:
         """The expression of a node."""
         kind, *content = self.graph.nodes[node]
         if kind == "name":
@@ -181,7 +196,7 @@ class _Printer:
         self.lines.append(f"{BOX}{key}({array})")
         return array
 
-    def term(self, term: Term) -> tuple[str, int]:
+    def term(self, term: Term) -> Part:
         """The text of a coefficient times a node."""
         coefficient, node = term
         if not is_negative(coefficient):
@@ -203,19 +218,19 @@ class _Printer:
             text += f" {'-' if negative else '+'} {part}" if text else f"{'-' if negative else ''}{part}"
         return text
 
-    def scaled(self, coefficient: Exact, node: int) -> tuple[str, int]:
+    def scaled(self, coefficient: Exact, node: int) -> Part:
         """The text of a positive number times a node."""
         if coefficient == 1 and node != ONE:
             return self.node(node)
         return self.quotient(coefficient, *self.factors(node))
 
-    def factors(self, node: int) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    def factors(self, node: int) -> tuple[list[Part], list[Part]]:
         """Numerator and denominator of a node; a product with one use is split into its factors."""
         if node == ONE or (self.graph.nodes[node][0] == "product" and self.uses[node] == 1):
             return self.product_parts(node)
         return [self.node(node)], []
 
-    def product_parts(self, product: int) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    def product_parts(self, product: int) -> tuple[list[Part], list[Part]]:
         """Numerator and denominator of a product."""
         above, below = [], []
         for sides, powers in zip(((above, below), (below, above)), self.graph.nodes[product][1:], strict=True):
@@ -224,7 +239,7 @@ class _Printer:
                     side.extend(texts * times)
         return above, below
 
-    def quotient(self, coefficient: Exact, above: list[Any], below: list[Any]) -> tuple[str, int]:
+    def quotient(self, coefficient: Exact, above: list[Part], below: list[Part]) -> Part:
         """The text of a positive number times a quotient; x/3 is rounded once, x·(1/3) twice."""
         if above and coefficient != 1 and self.divides(coefficient):
             below = [(literal(1 / coefficient), ATOM), *below]
@@ -275,7 +290,7 @@ class ModuleText:
         self._functions: list[str] = []
         self._arrays: dict[tuple[str, ...], str] = {}
 
-    def numbers(self, values: Sequence[Any]) -> str:
+    def numbers(self, values: Sequence[object]) -> str:
         """The name of a constant array of exact numbers."""
         return self._arrays.setdefault(tuple(map(literal, map(simplest, values))), f"D{len(self._arrays)}")
 

@@ -8,19 +8,21 @@ summand.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, groupby
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 import sympy
 
 from foundation.lowering import MOST_PERMUTED, WIDTH
 from integrators.compile.modules import load_module
-from integrators.compile.printer import KEPT, ModuleText, count_operations, indented, source_lines
+from integrators.compile.printer import KEPT, Assign, ModuleText, count_operations, indented, source_lines
 from integrators.scenes.model.system import Argument, Data, LocalTerm, Output, Place, System, output_formula
 from integrators.scenes.model.terms import Sites
 from integrators.scenes.particles.expansion import constant_terms, filled, flat_hamiltonian
+
+K = TypeVar("K", bound=Hashable)
 
 
 def compiled_scene(scene: System) -> ModuleType:
@@ -61,10 +63,16 @@ def scene_source(scene: System) -> str:
     if scene.is_hamiltonian:
         writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(scene, writer))
     if scene.invariants:
-        total = SiteSum.flat(scene, {k: filled(formula, scene) for k, formula in enumerate(scene.invariants.values())})
-        lines = total.lines({k: f"out[{k}] =" for k in total.outputs}, writer)
+        formulas = [filled(formula, scene) for formula in scene.invariants.values()]
+        lines = flat_lines(scene, {f"out[{k}]": formula for k, formula in enumerate(formulas)}, writer)
         writer.function("invariants(y, out)", "Put the first integrals in out.", lines)
     return writer.source(scene)
+
+
+def flat_lines(scene: System, outputs: Mapping[str, sympy.Expr], writer: ModuleText) -> list[str]:
+    """Statements that assign formulas in the variables of a scene to targets."""
+    total = SiteSum.flat(scene, outputs)
+    return total.lines({target: Assign(target, "=", formula) for target, formula in total.outputs.items()}, writer)
 
 
 def field_lines(
@@ -78,35 +86,40 @@ def field_lines(
     assigned: set[int] = set()
     touched: set[int] = set()
     for total in gathered(terms, lambda term: ((x.place, output_formula(term, x)) for x in outputs(term))):
-        targets = {}
+        statements = {}
         for place in sorted(total.outputs):
             covered = total.covered(place)
             assigns = bool(covered) and covered.isdisjoint(touched)
-            targets[place] = f"{entry('out', place)} {'=' if assigns else '+='}"
+            statements[place] = Assign(entry("out", place), "=" if assigns else "+=", total.outputs[place])
             touched |= covered
             assigned |= covered if assigns else set()
-        lines += total.lines(targets, writer)
+        lines += total.lines(statements, writer)
     return [*zeros(set(entries) - assigned), *lines]
 
 
 def energy_lines(scene: System, writer: ModuleText) -> list[str]:
     """Statements for the Hamiltonian."""
     if scene.poisson is not None:
-        sums = [SiteSum.flat(scene, {"energy": flat_hamiltonian(scene.summands, scene)})]  # local terms give the field
+        hamiltonian = flat_hamiltonian(scene.summands, scene)
+        assert hamiltonian is not None  # of which a Poisson matrix gives the field
+        sums = [SiteSum.flat(scene, {"total": hamiltonian})]  # local terms give the field
     else:
-        constants: list[Any] = []  # local terms omit these, because the field does not need them
+        constants = []  # local terms omit these, because the field does not need them
         for term in constant_terms(scene):
             constants += [term.formula.xreplace(term.data_at(row)) for row in term.sites.rows()]
-        constant = SiteSum.flat(scene, {"energy": sympy.Add(*constants)})
-        sums = gathered(scene.numeric_terms, lambda term: [("energy", term.formula)], constant)
-    targets = ({"energy": f"total {sign}"} for sign in ("=", *("+=" for _ in sums[1:])))
-    lines = [line for total, target in zip(sums, targets, strict=True) for line in total.lines(target, writer)]
+        constant = SiteSum.flat(scene, {"total": sympy.Add(*constants)})
+        sums = gathered(scene.numeric_terms, lambda term: [("total", term.formula)], constant)
+    lines: list[str] = []
+    for k, part in enumerate(sums):
+        lines += part.lines({"total": Assign("total", "+=" if k else "=", part.outputs["total"])}, writer)
     return [*lines, "return total"]
 
 
 def gathered(
-    terms: Iterable[LocalTerm], outputs: Callable[[LocalTerm], Iterable[Any]], first: SiteSum | None = None
-) -> list[SiteSum]:
+    terms: Iterable[LocalTerm],
+    outputs: Callable[[LocalTerm], Iterable[tuple[K, sympy.Expr]]],
+    first: SiteSum[K] | None = None,
+) -> list[SiteSum[K]]:
     """Sums of terms over the same sites: over single variables, then over each particle, then over several."""
     sums = {} if first is None else {first.sites: first}
     for term in terms:
@@ -118,33 +131,35 @@ INDICES = ("i", "j", "k", "l")
 """The loop variables for the sites of a row, by role."""
 
 
-class SiteSum:
+class SiteSum(Generic[K]):
     """Formulas summed over the same rows of sites.
 
     Attributes:
         sites: The rows.
-        outputs: Formulas by the place to which they are added, or by another key of the caller.
+        outputs: Formulas by the place to which they are added, the name of a variable, or another key of the caller.
         arguments: The symbol of each local variable.
         data: The symbol of each parameter that differs between particles.
     """
 
     def __init__(self, sites: Sites):
         self.sites = sites
-        self.outputs: dict[Any, Any] = {}
+        self.outputs: dict[K, sympy.Expr] = {}
         self.arguments: dict[Argument, sympy.Symbol] = {}
-        self.data: dict[Data, Any] = {}
+        self.data: dict[Data, sympy.Symbol] = {}
 
     @classmethod
-    def flat(cls, scene: System, outputs: Mapping[Any, Any]) -> SiteSum:
+    def flat(cls, scene: System, outputs: Mapping[K, sympy.Expr]) -> SiteSum[K]:
         """Formulas in the variables of a scene, without a sum."""
         total = cls(Sites("single"))
         names = {symbol: total._argument(Argument(Place(0, k, 0), None)) for k, symbol in enumerate(scene.symbols)}
-        total.outputs = {key: formula.xreplace(names) for key, formula in outputs.items()}
+        total.outputs = {key: cast("sympy.Expr", formula.xreplace(names)) for key, formula in outputs.items()}
         return total
 
-    def add(self, term: LocalTerm, outputs: Iterable[tuple[Any, sympy.Expr]]) -> None:
+    def add(self, term: LocalTerm, outputs: Iterable[tuple[K, sympy.Expr]]) -> None:
         """Add formulas in the local variables and data of a term."""
-        names: dict[Any, Any] = {sympy.Symbol(f"x{k}"): self._argument(x) for k, x in enumerate(term.arguments)}
+        names: dict[sympy.Basic, sympy.Basic] = {
+            sympy.Symbol(f"x{k}"): self._argument(x) for k, x in enumerate(term.arguments)
+        }
         for k, data in enumerate(term.data):  # a parameter that is the same for all particles becomes its value
             symbol = self.data.setdefault(data, sympy.Symbol(f"d{len(self.data)}")) if len({*data.values}) > 1 else None
             names[sympy.Symbol(f"d{k}")] = symbol or data.values[0]
@@ -164,20 +179,20 @@ class SiteSum:
             return set(range(place.offset, place.offset + place.stride * self.sites.count, place.stride))
         return set()
 
-    def lines(self, targets: Mapping[Any, str], module: ModuleText) -> list[str]:
-        """Statements for the sum; for pairs, data of the first particle are read and written outside the inner loop.
+    def lines(self, statements: Mapping[K, Assign[sympy.Expr]], module: ModuleText) -> list[str]:
+        """The lines of the sum; for pairs, data of the first particle are read and written outside the inner loop.
 
-        The targets are left-hand sides with ``=`` or ``+=`` by the keys of the outputs, in order of computation.
+        The statements assign the outputs, or add them, by their keys and in order of computation.
         """
         if not self.outputs:
             return []
-        if module.lanes and self.sites.kind == "pairs" and (lines := _vector_lines(self, targets, module)):
+        if module.lanes and self.sites.kind == "pairs" and (lines := _vector_lines(self, statements, module)):
             return lines
         first = 0 if self.sites.kind == "pairs" else None
         before: list[str] = []
         body: list[str] = []
         names = self.names()
-        read: dict[Place | None, str] = {}
+        read: dict[Place, str] = {}
         for argument, symbol in self.arguments.items():
             if symbol in names:
                 for place in argument:
@@ -189,15 +204,14 @@ class SiteSum:
             if symbol in names:
                 line = f"{symbol} = {module.numbers(data.values)}[{INDICES[data.role]}]"
                 (before if data.role == first else body).append(line)
-        targets, zeroed, after = _accumulators(targets, first)
+        summed, zeroed, after = _accumulators(statements, first)
         before += zeroed
-        assignments = [(target, self.outputs[key]) for key, target in targets.items()]
-        body += source_lines(assignments, names)
+        body += source_lines(summed.values(), names)
         return self.loop(before, body, after, module)
 
-    def names(self) -> dict[Any, str]:
+    def names(self) -> dict[sympy.Symbol, str]:
         """The texts of the symbols that the formulas contain."""
-        free: set[Any] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
+        free: set[sympy.Basic] = set().union(*(formula.free_symbols for formula in self.outputs.values()))
         return {symbol: str(symbol) for symbol in (*self.arguments.values(), *self.data.values()) if symbol in free}
 
     def loop(self, before: list[str], body: list[str], after: list[str], module: ModuleText) -> list[str]:
@@ -216,7 +230,7 @@ class SiteSum:
         return [f"for i in range({self.sites.size}):", *indented([*second, *body])]
 
 
-def difference(argument: Argument, known: Mapping[Any, str] | None = None) -> str:
+def difference(argument: Argument, known: Mapping[Place, str] | None = None) -> str:
     """The text of a local variable: an entry of the state, or a difference of two."""
     places = [place for place in argument if place is not None]
     return " - ".join((known or {}).get(place) or entry("y", place) for place in places)
@@ -277,43 +291,48 @@ class Ring(NamedTuple):
         return cls(rows, [[numbers[pair] for pair in found] for found in pairs])
 
 
+Scatter: TypeAlias = Mapping[K, tuple[int, str]]
+"""For each output the number and the sign of its value among distinct values."""
+
+
 def ring_lines(
-    total: SiteSum,
-    targets: Mapping[Any, str],
+    total: SiteSum[K],
+    statements: Mapping[K, Assign[sympy.Expr]],
     values: Sequence[sympy.Expr],
-    scatter: Mapping[Any, tuple[int, str]],
+    scatter: Scatter[K],
     module: ModuleText,
 ) -> list[str]:
-    """Statements for a sum over pairs in a ring, by values and the number and sign of the value of each output."""
+    """Statements for a sum over pairs in a ring."""
     n, ring, names = total.sites.count, Ring.of(total.sites.count), total.names()
     arguments = {x: names[symbol] for x, symbol in total.arguments.items() if symbol in names}
     copies, differences = _gather(arguments, ring, n, module)
-    entries = {key: value for key, value in scatter.items() if "[" in targets[key]}
     lanes = dict(names)
     for data, symbol in total.data.items():
         if symbol in names:
             lanes[symbol] = f"{module.numbers([data.values[row[data.role]] for row in ring.rows])}[r]"
-    formula = source_lines([(f"v{k}[r]", value) for k, value in enumerate(values)], lanes)
+    formula = source_lines([Assign(f"v{k}[r]", "=", value) for k, value in enumerate(values)], lanes)
     totals: list[str] = []
-    for key in (key for key in targets if key not in entries):
-        number, sign = scatter[key]
-        sums = _balanced([f"v{number}[{lane}]" for lane in range(n * (n - 1) // 2)])
-        totals.append(f"{targets[key]} {sums if sign == '+' else f'-({sums})'}")
+    for key, (target, op, _) in statements.items():
+        if not isinstance(key, Place):
+            number, sign = scatter[key]
+            sums = _balanced([f"v{number}[{lane}]" for lane in range(n * (n - 1) // 2)])
+            totals.append(f"{target} {op} {sums if sign == '+' else f'-({sums})'}")
     return [
         *copies,
         *(f"v{k} = stack({len(ring.rows)})" for k in range(len(values))),
         f"for r in range({len(ring.rows)}):",
         *indented([*differences, *formula]),
         *totals,
-        *(line for place, roles in _by_place(entries).items() for line in _sum_lines(place, roles, ring, module)),
+        *(line for place, roles in _by_place(scatter).items() for line in _sum_lines(place, roles, ring, module)),
     ]
 
 
-def _by_place(scatter: Mapping[Any, tuple[int, str]]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
+def _by_place(scatter: Scatter[K]) -> dict[tuple[int, int], dict[int, tuple[int, str]]]:
     """For each offset and stride, the contributions to the two particles of a pair."""
     found: dict[tuple[int, int], dict[int, tuple[int, str]]] = {}
-    for place, value in scatter.items():
-        found.setdefault((place.offset, place.stride), {})[place.role] = value
+    for key, value in scatter.items():
+        if isinstance(key, Place):
+            found.setdefault((key.offset, key.stride), {})[key.role] = value
     return found
 
 
@@ -375,40 +394,41 @@ SLOW = {"call", "power"}
 """Operations without vector instructions, which dominate the time."""
 
 
-def _vector_lines(total: SiteSum, targets: Mapping[Any, str], module: ModuleText) -> list[str] | None:
+def _vector_lines(
+    total: SiteSum[K], statements: Mapping[K, Assign[sympy.Expr]], module: ModuleText
+) -> list[str] | None:
     """Statements for a sum over pairs that LLVM or `lowering` vectorise; None if a plain loop is as fast."""
-    values, scatter = _values({key: total.outputs[key] for key in targets})
-    formulas = [(f"v{k}", formula) for k, formula in enumerate(values)]
+    values, scatter = _values(statements)
+    formulas = [Assign(f"v{k}", "=", formula) for k, formula in enumerate(values)]
     if total.sites.size < FEWEST_PAIRS or SLOW & count_operations(source_lines(formulas, total.names())).keys():
         return None
     if total.sites.size > MOST_PERMUTED:
-        return _row_lines(total, targets, values, scatter, module) if total.sites.count <= MOST_LANES else None
+        return _row_lines(total, statements, values, scatter, module) if total.sites.count <= MOST_LANES else None
     # in a ring each output must be a sum over all pairs, or be added to both particles up to a sign
-    at_sites = {key: scatter[key] for key, target in targets.items() if "[" in target}
-    if not all(target.endswith("+=") for target in targets.values()) or not all(
-        getattr(key, "stride", 0) and targets[key].startswith("out[") for key in at_sites
+    if any(statement.op != "+=" for statement in statements.values()) or not all(
+        key.stride if isinstance(key, Place) else isinstance(key, str) for key in statements
     ):
         return None
-    if any(len(roles) != 2 or roles[0][0] != roles[1][0] for roles in _by_place(at_sites).values()):
+    if any(len(roles) != 2 or roles[0][0] != roles[1][0] for roles in _by_place(scatter).values()):
         return None
-    return ring_lines(total, targets, values, scatter, module)
+    return ring_lines(total, statements, values, scatter, module)
 
 
 def _row_lines(
-    total: SiteSum,
-    targets: Mapping[Any, str],
+    total: SiteSum[K],
+    statements: Mapping[K, Assign[sympy.Expr]],
     values: Sequence[sympy.Expr],
-    scatter: Mapping[Any, tuple[int, str]],
+    scatter: Scatter[K],
     module: ModuleText,
 ) -> list[str]:
     """Statements for a sum over pairs: gather, formula and scatter over the partners of each particle in turn."""
     n, names = total.sites.count, total.names()
-    targets, before, after = _accumulators(targets, 0)
+    summed, before, after = _accumulators(statements, 0)
     body: list[str] = []
-    for key, target in targets.items():
-        (number, sign), (left, operation) = scatter[key], target.rsplit(" ", 1)
+    for key, (target, op, _) in summed.items():
+        number, sign = scatter[key]
         value = f"v{number}[j]"
-        body.append(f"{left} {sign}= {value}" if operation == "+=" else f"{left} = {sign.strip('+')}{value}")
+        body.append(f"{target} {sign}= {value}" if op == "+=" else f"{target} = {sign.strip('+')}{value}")
     local = {argument: names[symbol] for argument, symbol in total.arguments.items() if symbol in names}
     lanes = names | {total.arguments[argument]: f"{name}[j]" for argument, name in local.items()}
     row: list[str] = []
@@ -417,7 +437,7 @@ def _row_lines(
             row.append(f"{names[symbol]} = {module.numbers(data.values)}[i]")
         elif symbol in names:
             lanes[symbol] = f"{module.numbers(data.values)}[j]"
-    formula = source_lines([(f"v{k}[j]", value) for k, value in enumerate(values)], lanes)
+    formula = source_lines([Assign(f"v{k}[j]", "=", value) for k, value in enumerate(values)], lanes)
     gather = [f"{name}[j] = {difference(argument)}" for argument, name in local.items()]
     arrays = [f"{name} = stack({n})" for name in (*local.values(), *(f"v{k}" for k in range(len(values))))]
     following = f"for j in range(i + 1, {n}):"
@@ -425,11 +445,11 @@ def _row_lines(
     return [*arrays, f"for i in range({n - 1}):", *indented([*row, *before, *passes, *after])]
 
 
-def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[Any, tuple[int, str]]]:
+def _values(statements: Mapping[K, Assign[sympy.Expr]]) -> tuple[list[sympy.Expr], dict[K, tuple[int, str]]]:
     """Distinct formulas up to sign, and for each output the number of its formula with a sign."""
     values: list[sympy.Expr] = []
-    scatter: dict[Any, tuple[int, str]] = {}
-    for key, formula in outputs.items():
+    scatter: dict[K, tuple[int, str]] = {}
+    for key, (_, _, formula) in statements.items():
         if -formula in values:
             scatter[key] = values.index(-formula), "-"
             continue
@@ -439,14 +459,17 @@ def _values(outputs: Mapping[Any, sympy.Expr]) -> tuple[list[sympy.Expr], dict[A
     return values, scatter
 
 
-def _accumulators(targets: Mapping[Any, str], first: int | None) -> tuple[dict[Any, str], list[str], list[str]]:
-    """Targets with variables for the first particle of a row, and statements before and after the inner loop."""
+def _accumulators(
+    statements: Mapping[K, Assign[sympy.Expr]], first: int | None
+) -> tuple[dict[K, Assign[sympy.Expr]], list[str], list[str]]:
+    """Statements with variables for the first particle of a row, and those before and after the inner loop."""
     before: list[str] = []
     after: list[str] = []
-    changed = dict(targets)
-    for key, target in targets.items():
-        if first is not None and getattr(key, "role", None) == first:
-            changed[key] = f"a{len(after)} +="
-            before.append(f"a{len(after)} = 0.0")
-            after.append(f"{target} a{len(after)}")
+    changed = dict(statements)
+    for key, (target, op, value) in statements.items():
+        if first is not None and isinstance(key, Place) and key.role == first:
+            name = f"a{len(after)}"
+            changed[key] = Assign(name, "+=", value)
+            before.append(f"{name} = 0.0")
+            after.append(f"{target} {op} {name}")
     return changed, before, after

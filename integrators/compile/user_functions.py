@@ -30,7 +30,7 @@ PLAIN = {"nopython": True, "error_model": "numpy"}
 
 
 def observer_code(
-    functions: Mapping[int, tuple[str, Callable[..., Any]]], dimension: int, formulas: int
+    functions: Mapping[int, tuple[str, Callable[..., object]]], dimension: int, formulas: int
 ) -> MachineCode:
     """Compile ``void observe(double t, double *y, double *out)``, which does not write what a function fails to give.
 
@@ -45,7 +45,7 @@ def observer_code(
     return MachineCode(written_code(partial(_write, functions, dimension, formulas), "observe"))
 
 
-def _write(functions: Mapping[int, tuple[str, Any]], dimension: int, formulas: int, unit: Unit) -> None:
+def _write(functions: Mapping[int, tuple[str, object]], dimension: int, formulas: int, unit: Unit) -> None:
     """Write the observer."""
     context: Any = unit.context
     double = ir.DoubleType()

@@ -36,7 +36,7 @@ def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> i
     return number
 
 
-def read_steps(value: Any, argument: str, least: int) -> int:
+def read_steps(value: object, argument: str, least: int) -> int:
     """A number of steps."""
     return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
 
@@ -73,12 +73,17 @@ def as_lists(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def is_listed(value: Any) -> TypeGuard[Sequence[Any]]:
+def without_axes(value: Any) -> Any:
+    """What is in an array without axes, a NumPy number as one of Python; other values unchanged."""
+    return value.item() if hasattr(value, "item") and getattr(value, "shape", None) == () else value
+
+
+def is_listed(value: object) -> TypeGuard[Sequence[Any]]:
     """Whether a value is a list, a tuple or another sequence, but not text."""
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
-def items(value: Any, argument: str) -> list[Any]:
+def items(value: object, argument: str) -> list[Any]:
     """The entries of a sequence or array."""
     value = as_lists(value)
     if isinstance(value, str | bytes | Mapping | set | frozenset) or not isinstance(value, Iterable):
@@ -135,7 +140,7 @@ FAILURES = (TypeError, AttributeError, NameError, ValueError, LookupError, Arith
 """What functions of the user may raise when they are run on symbols."""
 
 
-def parameters_of(function: Callable[..., Any]) -> list[Parameter] | None:
+def parameters_of(function: Callable[..., object]) -> list[Parameter] | None:
     """The parameters of a function; None if it does not tell, as some that are not written in Python."""
     from inspect import signature
 
@@ -160,7 +165,7 @@ def split_row(text: str) -> list[str]:
     return [text[start + 1 : end] for start, end in pairwise([*ends, len(text)])] if text.strip() else []
 
 
-def check_progress(progress: Any) -> None:
+def check_progress(progress: object) -> None:
     """Refuse a progress callback that cannot be called."""
     if progress is not None and not callable(progress):
         raise IntegratorError(f"progress must be a function of two numbers, but was {shown(progress)}")

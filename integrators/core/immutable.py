@@ -14,7 +14,7 @@ class ImmutableValue:
     """
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         """The data by which values of one class are compared."""
         raise NotImplementedError
 
@@ -48,7 +48,7 @@ def cached_method(function: Function) -> Function:
     name = f"_cached_{function.__name__}"
 
     @wraps(function)
-    def known(owner: Any, *arguments: Any) -> Any:
+    def known(owner: object, *arguments: object) -> Any:
         values = owner.__dict__.setdefault(name, {})
         if arguments not in values:  # of several threads, all take the result of the first
             return values.setdefault(arguments, function(owner, *arguments))

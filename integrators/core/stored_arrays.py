@@ -69,7 +69,7 @@ class Header(NamedTuple):
         return math.prod(self.shape) * self.dtype.itemsize
 
 
-def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, object]) -> None:
     """Write an NPZ file, piece by piece, in constant memory; it replaces an old one when it is complete."""
     import numpy as np
 
@@ -214,7 +214,7 @@ def _text(array: np.ndarray, name: str) -> Any:
     return array.tolist()
 
 
-def read_json(text: str, form: Any, name: str) -> Any:
+def read_json(text: str, form: object, name: str) -> Any:
     """The content of JSON text, checked against a form."""
     try:
         value = json.loads(text)
@@ -224,7 +224,7 @@ def read_json(text: str, form: Any, name: str) -> Any:
     return value
 
 
-def _check_json(value: Any, form: Any, name: str) -> None:
+def _check_json(value: object, form: object, name: str) -> None:
     """Refuse a value that does not match a form."""
     if isinstance(form, tuple):
         for choice in form[:-1]:

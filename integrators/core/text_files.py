@@ -161,7 +161,7 @@ def lock(file: IO[bytes]) -> bool:
     return True
 
 
-def check_path(path: Any, argument: str) -> str:
+def check_path(path: object, argument: str) -> str:
     """A path as text."""
     if not isinstance(path, str | os.PathLike):
         raise IntegratorError(f"{argument} must be a path, but was {shown(path)}")
@@ -200,7 +200,7 @@ def _refuse(name: str) -> NoReturn:
     raise IntegratorError(f"numbers must be finite, but one was {name}")
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
@@ -231,7 +231,7 @@ def parse_toml(text: str) -> Any:
         raise IntegratorError("numbers must have exponents of reasonable size, but one had not") from None
 
 
-def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
+def check_keys(data: object, known: Iterable[str], argument: str) -> None:
     """Refuse data that is not a table or has unknown keys; the message suggests a similar known key."""
     if not isinstance(data, dict):
         raise IntegratorError(f"{argument} must be a table of keys and values, but was {shown(data)}")
@@ -243,7 +243,7 @@ def check_keys(data: Any, known: Iterable[str], argument: str) -> None:
             )
 
 
-def json_text(value: Any, indent: str = "") -> str:
+def json_text(value: object, indent: str = "") -> str:
     """JSON with one key, or one row of a matrix, per line."""
     import json
 

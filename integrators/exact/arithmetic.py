@@ -40,6 +40,11 @@ LARGEST_ORDER = 10_000
 φ(n) exceeds 2 · `MOST_DEGREE` anyway."""
 
 
+def simplest(value: Any) -> Any:
+    """A rational number of SymPy as a `Fraction`; anything else unchanged."""
+    return Fraction(int(value.p), int(value.q)) if getattr(value, "is_Rational", False) else value
+
+
 def bounded(value: Any) -> Any:
     """The value, checked to be finite, real and of limited size; SymPy rationals become `Fraction`s."""
     if isinstance(value, Fraction):
@@ -49,7 +54,7 @@ def bounded(value: Any) -> Any:
     import sympy
 
     if isinstance(value, sympy.Rational):
-        return bounded(Fraction(int(value.p), int(value.q)))
+        return bounded(simplest(value))
     if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
         raise ArithmeticError("is not finite")
     if _bits(value) > MAX_BITS:
@@ -80,17 +85,17 @@ def _nesting(value: sympy.Basic) -> int:
     return inner + 1 if applied else inner
 
 
-def add(terms: Sequence[Any]) -> Exact:
+def add(terms: Sequence[Exact]) -> Exact:
     """The sum of one or more terms."""
     return _combined(terms, operator.add, "Add")
 
 
-def multiply(factors: Sequence[Any]) -> Exact:
+def multiply(factors: Sequence[Exact]) -> Exact:
     """The product of one or more factors."""
     return _combined(factors, operator.mul, "Mul")
 
 
-def _combined(values: Sequence[Any], operation: Callable[[Any, Any], Any], name: str) -> Exact:
+def _combined(values: Sequence[Exact], operation: Callable[[Fraction, Fraction], Fraction], name: str) -> Exact:
     """A sum or product; SymPy forms it in one operation, since its products depend on the grouping of factors."""
     total = values[0]
     for value in values[1:]:
@@ -173,7 +178,7 @@ def _integer_root(value: int, degree: int) -> int | None:
     return found if found**degree == value else None
 
 
-def transcendental_power(base: Any, exponent: Any) -> Exact:
+def transcendental_power(base: Exact, exponent: sympy.Expr) -> Exact:
     """The power base^exponent of a positive base, where the exponent is a formula."""
     import sympy
 
@@ -210,7 +215,7 @@ def _limited_argument(argument: Any) -> Any:
     return argument
 
 
-def substituted(formula: sympy.Expr, numbers: Mapping[Any, Any]) -> sympy.Expr:
+def substituted(formula: sympy.Expr, numbers: Mapping[Any, sympy.Expr]) -> sympy.Expr:
     """A formula with numbers for some symbols; powers and functions are refused before SymPy computes huge ones.
 
     As in `root`, odd roots of negative numbers are negative.
@@ -219,7 +224,7 @@ def substituted(formula: sympy.Expr, numbers: Mapping[Any, Any]) -> sympy.Expr:
         return numbers[formula]
     if formula.free_symbols.isdisjoint(numbers):
         return formula
-    parts: Any = [substituted(cast("sympy.Expr", part), numbers) for part in formula.args]
+    parts = [substituted(cast("sympy.Expr", part), numbers) for part in formula.args]
     if (formula.is_Pow or formula.is_Function) and all(part.is_number for part in parts):
         if not all(abs(part.evalf(5)) <= LARGEST_NUMBER for part in parts[formula.is_Pow :]):
             raise ArithmeticError("has a power or function of a number beyond 10^1000")
@@ -228,7 +233,7 @@ def substituted(formula: sympy.Expr, numbers: Mapping[Any, Any]) -> sympy.Expr:
     return cast("sympy.Expr", formula.func(*parts))
 
 
-def _number_power(base: Any, exponent: Any) -> Any:
+def _number_power(base: sympy.Expr, exponent: Any) -> sympy.Expr:
     if base.is_Rational and exponent.is_Integer and abs(exponent) * (_bits(base) - 1) > MAX_BITS:
         raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
     if exponent.is_Rational and not exponent.is_Integer and _bits(base) > MAX_RADICAND_BITS:
@@ -269,7 +274,7 @@ def degree_bound(values: Iterable[sympy.Expr]) -> int:
 
     formulas = list(values)
     powers: set[Any] = set().union(*(formula.atoms(sympy.Pow) for formula in formulas))
-    roots: dict[Any, int] = {}  # x^(1/2) and x^(-1/3) are powers of one root
+    roots: dict[sympy.Expr, int] = {}  # x^(1/2) and x^(-1/3) are powers of one root
     for power in powers:
         if power.is_number and power.exp.is_Rational:
             roots[power.base] = lcm(roots.get(power.base, 1), int(power.exp.q))
@@ -277,13 +282,13 @@ def degree_bound(values: Iterable[sympy.Expr]) -> int:
     return prod((*roots.values(), *(x.poly.degree() for x in others))) * _cosine_degree(_cosines(formulas))
 
 
-def _cosines(formulas: Iterable[sympy.Expr]) -> set[Any]:
+def _cosines(formulas: Iterable[sympy.Expr]) -> set[sympy.Basic]:
     import sympy
 
     return set().union(*(formula.atoms(sympy.cos, sympy.sin, sympy.tan) for formula in formulas))
 
 
-def _cosine_degree(cosines: Iterable[Any]) -> int:
+def _cosine_degree(cosines: Iterable[sympy.Basic]) -> int:
     """The degree of the field of cos 2π/n, φ(n)/2, for the least n whose field has all values; n/2 for large n.
 
     Cosines of other arguments than rational multiples of π are not algebraic, and count as symbols do.

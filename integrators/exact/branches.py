@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import sympy
+from sympy.printing.printer import Printer
 
 RELATIONS = (">", "<", ">=", "<=")
 SYMPY_NAMES = {sympy.Abs: "abs", sympy.sign: "sign", sympy.Max: "max", sympy.Min: "min"}
@@ -22,9 +23,9 @@ class Branching(sympy.Function):
 
     is_real = True
     if TYPE_CHECKING:
-        args: tuple[Any, ...]  # type: ignore[override]
+        args: tuple[sympy.Expr, ...]  # type: ignore[override]
 
-        def __new__(cls, *args: Any) -> Any: ...  # noqa: D102
+        def __new__(cls, *args: object) -> sympy.Expr: ...  # noqa: D102
 
 
 class Absolute(Branching):
@@ -39,20 +40,20 @@ class Absolute(Branching):
     nargs = 1
 
     @classmethod
-    def eval(cls, x: Any) -> Any:  # type: ignore[override]  # noqa: D102 (called by SymPy, as others below)
+    def eval(cls, x: sympy.Expr) -> sympy.Expr | None:  # type: ignore[override]  # noqa: D102 (called by SymPy, as others below)
         if x.is_extended_nonnegative:
             return x
         if x.is_extended_nonpositive or x.could_extract_minus_sign():
             return cls(-x)
         return None
 
-    def fdiff(self, argindex: int = 1) -> Any:  # noqa: D102
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:  # noqa: D102
         return Sign(self.args[0])
 
-    def _sympystr(self, printer: Any) -> str:
+    def _sympystr(self, printer: Printer) -> str:
         return f"abs({printer.doprint(self.args[0])})"
 
-    def _latex(self, printer: Any, exp: str | None = None) -> str:
+    def _latex(self, printer: Printer, exp: str | None = None) -> str:
         text = rf"\left|{{{printer.doprint(self.args[0])}}}\right|"
         return text if exp is None else f"{text}^{{{exp}}}"
 
@@ -65,7 +66,7 @@ class Sign(Branching):
     nargs = 1
 
     @classmethod
-    def eval(cls, x: Any) -> Any:  # type: ignore[override]  # noqa: D102
+    def eval(cls, x: sympy.Expr) -> sympy.Expr | None:  # type: ignore[override]  # noqa: D102
         if x.is_zero:
             return sympy.Integer(0)
         if x.is_extended_positive:
@@ -74,21 +75,21 @@ class Sign(Branching):
             return -cls(-x)
         return None
 
-    def fdiff(self, argindex: int = 1) -> Any:  # noqa: D102
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:  # noqa: D102
         return sympy.Integer(0)
 
-    def _sympystr(self, printer: Any) -> str:
+    def _sympystr(self, printer: Printer) -> str:
         return f"sign({printer.doprint(self.args[0])})"
 
-    def _latex(self, printer: Any, exp: str | None = None) -> str:
+    def _latex(self, printer: Printer, exp: str | None = None) -> str:
         power = "" if exp is None else f"^{{{exp}}}"
         return rf"\operatorname{{sign}}{power}{{\left({printer.doprint(self.args[0])} \right)}}"
 
-    def _pythoncode(self, printer: Any) -> str:
+    def _pythoncode(self, printer: Printer) -> str:
         x = printer.doprint(self.args[0])
         return f"(({x} > 0) - ({x} < 0))"
 
-    def _numpycode(self, printer: Any) -> str:
+    def _numpycode(self, printer: Printer) -> str:
         return printer.doprint(sympy.sign(self.args[0]))
 
     _mpmathcode = _pythoncode
@@ -100,43 +101,44 @@ class Where(Branching):
     nargs = 3
 
     @classmethod
-    def eval(cls, x: Any, a: Any, b: Any) -> Any:  # type: ignore[override]  # noqa: D102
+    def eval(cls, x: sympy.Expr, a: sympy.Expr, b: sympy.Expr) -> sympy.Expr | None:  # type: ignore[override]  # noqa: D102
         if a == b or x.is_extended_positive:
             return a
         return b if x.is_extended_nonpositive else None
 
-    def _eval_derivative(self, s: Any) -> Any:
+    def _eval_derivative(self, s: object) -> sympy.Expr:
         x, a, b = self.args
         return Where(x, a.diff(s), b.diff(s))  # not a sum, in which the other branch may be infinite
 
-    def _sympystr(self, printer: Any) -> str:
+    def _sympystr(self, printer: Printer) -> str:
         x, a, b = map(printer.doprint, self.args)
         return f"where({x} > 0, {a}, {b})"
 
-    def _latex(self, printer: Any, exp: str | None = None) -> str:
+    def _latex(self, printer: Printer, exp: str | None = None) -> str:
         x, a, b = map(printer.doprint, self.args)
         text = rf"\begin{{cases}} {a} & \text{{for}}\: {x} > 0 \\ {b} & \text{{otherwise}} \end{{cases}}"
         return text if exp is None else rf"\left({text}\right)^{{{exp}}}"
 
-    def _pythoncode(self, printer: Any) -> str:
+    def _pythoncode(self, printer: Printer) -> str:
         x, a, b = map(printer.doprint, self.args)
         return f"(({a}) if {x} > 0 else ({b}))"
 
-    def _numpycode(self, printer: Any) -> str:
+    def _numpycode(self, printer: Printer) -> str:
         x, a, b = self.args
         return printer.doprint(sympy.Piecewise((a, x > 0), (b, True)))
 
     _mpmathcode = _pythoncode
 
 
-def compare(left: Any, relation: str, right: Any, a: Any, b: Any) -> Any:
+def compare(left: Any, relation: str, right: Any, a: object, b: object) -> sympy.Expr:
     """a where the relation ``>``, ``<``, ``>=`` or ``<=`` holds, otherwise b."""
-    x, a, b = (sympy.sympify(value, strict=True) for value in (left - right, a, b))
+    x: Any = sympy.sympify(left - right, strict=True)
+    a, b = (sympy.sympify(value, strict=True) for value in (a, b))
     positive = x if relation in (">", "<=") else -x
     return Where(positive, a, b) if relation in (">", "<") else Where(positive, b, a)
 
 
-def extreme(name: str, values: Sequence[Any]) -> Any:
+def extreme(name: str, values: Sequence[Any]) -> sympy.Expr:
     """The least (``min``) or largest (``max``) of n values, with n² parts: a comparison repeats what it compares."""
     if len(values) == 1:
         return values[0]
@@ -145,7 +147,7 @@ def extreme(name: str, values: Sequence[Any]) -> Any:
     return compare(a, ">" if name == "max" else "<", b, a, b)
 
 
-def from_sympy(formula: Any) -> Any:
+def from_sympy(formula: Any) -> sympy.Expr:
     """A formula with these functions in place of SymPy's Abs, sign, Heaviside, Max, Min and Piecewise.
 
     Example:
@@ -164,9 +166,8 @@ def from_sympy(formula: Any) -> Any:
     return formula.func(*arguments) if name is None else branch(name, "", arguments)
 
 
-def _chosen(pairs: Any) -> Any:
+def _chosen(pairs: Sequence[Any]) -> sympy.Expr:
     """The branches of a `Piecewise` with inequalities, one after the other; the last must hold otherwise."""
-    condition: Any
     (value, condition), *others = pairs
     if condition == sympy.true or not others:
         return from_sympy(value) if condition == sympy.true else sympy.Piecewise((value, condition))
@@ -177,7 +178,7 @@ def _chosen(pairs: Any) -> Any:
     return compare(left, relation, right, from_sympy(value), _chosen(others))
 
 
-def branch(name: str, relation: str, values: Sequence[Any]) -> Any:
+def branch(name: str, relation: str, values: Sequence[object]) -> sympy.Expr:
     """The function with a name in formulas, applied to values; `relation` is between the first two of ``where``."""
     first, *others = (sympy.sympify(value, strict=True) for value in values)
     match name:

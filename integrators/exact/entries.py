@@ -101,7 +101,7 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
         return sum(terms, Fraction(0))
     import sympy
 
-    return _normal(sympy.expand(sympy.Add(*terms)))
+    return exact.simplest(sympy.expand(sympy.Add(*terms)))
 
 
 def multiply_entries(x: Any, y: Any) -> Any:
@@ -119,11 +119,7 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
     first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
-    return _normal(sympy.expand(first * second))
-
-
-def _normal(value: sympy.Expr) -> Entry:
-    return Fraction(int(value.p), int(value.q)) if value.is_Rational else value  # type: ignore[attr-defined]
+    return exact.simplest(sympy.expand(first * second))
 
 
 def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
@@ -176,7 +172,7 @@ def digits_of(*values: Any) -> int | None:
     return min(filter(None, found), default=None)
 
 
-def nearest_decimal(x: Any) -> Fraction:
+def nearest_decimal(x: object) -> Fraction:
     """The shortest decimal that rounds to the same double."""
     return Fraction(repr(round_entry(x)))
 

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 from integrators.core.arguments import check_distinct, identifier
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -95,7 +95,7 @@ def parse_expression(
     return sympy.Rational(value.numerator, value.denominator) if isinstance(value, Fraction) else value
 
 
-def format_number(value: Any) -> str:
+def format_number(value: object) -> str:
     """The text of a number or formula, from which `parse_number` reads an equal value."""
     return repr(value) if isinstance(value, float) else str(value)
 
@@ -191,7 +191,7 @@ class _Parser:
             self.expected(repr(sign))
         self.advance()
 
-    def compute(self, position: int | None, operation: Callable[..., T], *arguments: Any) -> T:
+    def compute(self, position: int | None, operation: Callable[..., T], *arguments: object) -> T:
         """Perform an operation; its `ArithmeticError` becomes an error with the operation's position."""
         try:
             return operation(*arguments)
@@ -321,6 +321,8 @@ class _Parser:
 
 SUM, PRODUCT, ATOM = range(3)
 """Precedence of the outermost operation of a text."""
+Part: TypeAlias = tuple[str, int]
+"""A text with its precedence."""
 
 
 def literal(value: Exact) -> str:
@@ -347,6 +349,6 @@ def nearest_double(value: Any) -> float:
     return int(digits.p) / int(digits.q)
 
 
-def within(part: tuple[str, int], precedence: int) -> str:
+def within(part: Part, precedence: int) -> str:
     """A text as an operand of an operation of given precedence."""
     return part[0] if part[1] >= precedence else f"({part[0]})"

@@ -43,7 +43,7 @@ def as_function(symbols: Iterable[sympy.Symbol], formulas: Any, numbers: str) ->
     def power(part: Any) -> Any:
         return sympy.Function("power")(*part.args)
 
-    def renamed(formula: Any) -> Any:
+    def renamed(formula: object) -> Any:
         if isinstance(formula, list | tuple):
             return list(map(renamed, formula))
         formula = sympy.sympify(formula, strict=True)

@@ -34,7 +34,7 @@ SAFETY = 4.0
 
 
 def settled_solution(
-    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = MOST_DIGITS
+    scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = MOST_DIGITS
 ) -> ReferenceSolution:
     """The solution of a scene in doubles with an error bound, from values of its field only.
 

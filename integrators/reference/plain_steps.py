@@ -73,18 +73,18 @@ class Arithmetic:
             raise IntegratorError(f"{argument} must be a finite number, but was {shorten(str(value))}")
         return number
 
-    def vector(self, values: Any) -> Vector:
+    def vector(self, values: object) -> Vector:
         """A vector of numbers of this arithmetic."""
         return np.array(values, dtype=float if self.digits is None else object)
 
-    def read(self, values: Any, argument: str) -> Vector:
+    def read(self, values: object, argument: str) -> Vector:
         """A vector from an argument of the user."""
         numbers = items(values, argument)
         if not numbers:
             raise IntegratorError(f"{argument} must hold at least one number, but was empty")
         return self.vector([self.number(value, f"{argument}[{i}]") for i, value in enumerate(numbers, 1)])
 
-    def received(self, values: Any, dimension: int, argument: str) -> Vector:
+    def received(self, values: object, dimension: int, argument: str) -> Vector:
         """A vector from a function of the user; components that are not real become NaN."""
         given, numbers = items(values, argument), []
         if len(given) != dimension:
@@ -105,7 +105,7 @@ class Arithmetic:
         """Whether all components are finite, and below 2^MOST_BITS for mpmath."""
         return all(abs(x) < self._largest for vector in vectors for x in vector)
 
-    def rounded(self, vector: Iterable[Any]) -> Vector:
+    def rounded(self, vector: Iterable[object]) -> Vector:
         """The vector without guard digits."""
         if self.digits is None:
             return self.vector(vector)
@@ -113,7 +113,7 @@ class Arithmetic:
             return self.vector([+mpmath.mpmathify(x) for x in vector])
 
 
-def plain_step(method: Method, field: ByPart, y: Sequence[Any], h: Any, **options: Any) -> Vector:
+def plain_step(method: Method, field: ByPart, y: Sequence[object], h: object, **options: Any) -> Vector:
     """One step of a method, computed from its definition; the options are `derivative`, `flows` and `digits`.
 
     Implicit stages are found by fixed-point iteration, or else by Newton's method, until the increments stagnate; flows
@@ -123,7 +123,7 @@ def plain_step(method: Method, field: ByPart, y: Sequence[Any], h: Any, **option
     return stepper.step(stepper.start)
 
 
-def plain_steps(method: Method, field: ByPart, y: Sequence[Any], h: Any, steps: int, **options: Any) -> Vector:
+def plain_steps(method: Method, field: ByPart, y: Sequence[object], h: object, steps: int, **options: Any) -> Vector:
     """Several steps of a method; the options and errors are those of `plain_step`."""
     read_whole(steps, "steps", "0, 1, 2, …", 0, MOST_STEPS)
     stepper = _Stepper(method, field, y, h, **options)
@@ -146,7 +146,7 @@ def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict
         raise IntegratorError(f"blocks must hold 0, 1, … once each, but were {shown(numbers)}")
 
     def part(block: list[int]) -> Function:
-        def restricted(*arguments: Any) -> list[Any]:
+        def restricted(*arguments: object) -> list[Any]:
             values = items(function(*arguments), "field")
             if len(values) != len(together):
                 raise IntegratorError(f"blocks must hold {len(values)} components, but held {len(together)}")
@@ -157,7 +157,7 @@ def block_parts(function: Function, blocks: Mapping[str, Iterable[int]]) -> dict
     return {name: part(block) for name, block in numbers.items()}
 
 
-def _by_part(given: Any, names: Sequence[str], argument: str, *, optional: bool = False) -> list[Any]:
+def _by_part(given: object, names: Sequence[str], argument: str, *, optional: bool = False) -> list[Any]:
     """A function for each part, in their order, from a mapping, a sequence, or a single function."""
     wanted = f"a function for each of the parts {', '.join(names)}" if len(names) > 1 else "a function"
     functions = [given] if callable(given) else [None] * len(names) if given is None and optional else given
@@ -178,7 +178,7 @@ class _Stepper:
     """A method, a field, and a step size."""
 
     def __init__(
-        self, method: Method, field: ByPart, y: Any, h: Any, derivative: ByPart | None = None,
+        self, method: Method, field: ByPart, y: object, h: object, derivative: ByPart | None = None,
         flows: ByPart | None = None, digits: int | None = None,
     ):  # fmt: skip
         self.arithmetic = arithmetic = Arithmetic(digits)
@@ -248,7 +248,7 @@ class _Stepper:
         if exact is not None:
             return self._call("flows", lambda z: exact(z, time * self.h), start) - start
 
-        def right(θ: Any, z: Vector) -> Vector:
+        def right(θ: object, z: Vector) -> Vector:
             return field(z) * time + (_polynomial(forcing, θ) if forcing else 0)
 
         return _flow_increment(right, start, self.arithmetic)
@@ -349,7 +349,7 @@ def _size(*vectors: Vector) -> Any:
     return max(abs(x) for vector in vectors for x in vector)
 
 
-def _polynomial(coefficients: Sequence[Vector], θ: Any) -> Vector:
+def _polynomial(coefficients: Sequence[Vector], θ: object) -> Vector:
     """Σ_j θ^j coefficients[j]."""
     total = coefficients[-1]
     for vector in coefficients[-2::-1]:
@@ -401,7 +401,7 @@ def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: A
     return None
 
 
-def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
+def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: object, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by iteration until increments stagnate (HLW, VIII.6); None without convergence."""
     least, failures = math.inf, 0
     for _ in range(MOST_ITERATIONS):
@@ -416,7 +416,7 @@ def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmeti
     return None
 
 
-def _newton(g: Callable[[Vector], Vector], x: Vector, scale: Any, arithmetic: Arithmetic) -> Vector | None:
+def _newton(g: Callable[[Vector], Vector], x: Vector, scale: object, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by Newton's method with difference Jacobians; None without convergence."""
     context, one = arithmetic.context, arithmetic.vector(np.eye(len(x)))
 

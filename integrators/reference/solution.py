@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import mpmath
 import numpy as np
 
-from integrators.core.arguments import items, read_whole
+from integrators.core.arguments import as_lists, items, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
 from integrators.scenes.catalogue.registry import as_scene
@@ -85,14 +85,15 @@ class ReferenceSolution(NamedTuple):
 
 @overload
 def reference_solution(
-    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[False] = False
-) -> np.ndarray: ...
+    scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = 30,
+    full: Literal[False] = False,
+) -> np.ndarray: ...  # fmt: skip
 @overload
 def reference_solution(
-    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: Literal[True]
+    scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = 30, full: Literal[True]
 ) -> ReferenceSolution: ...
 def reference_solution(
-    scene: Scene | str, t: Any, *, y0: Any = None, t0: Any = None, digits: int = 30, full: bool = False
+    scene: Scene | str, t: object, *, y0: object = None, t0: object = None, digits: int = 30, full: bool = False
 ) -> np.ndarray | ReferenceSolution:
     """The solution of a scene to full double precision, by Taylor series in double-double arithmetic.
 
@@ -158,7 +159,7 @@ def reference_solution(
     return solution.high
 
 
-def first_step(scene: Scene, span: float, *, y0: Any, digits: int) -> float:
+def first_step(scene: Scene, span: float, *, y0: object, digits: int) -> float:
     """The first step of `reference_solution`, at most the span, which is positive.
 
     If no step is possible, it is the shortest time that was tried.
@@ -245,7 +246,7 @@ def _read_number(value: Any, argument: str) -> Fraction:
     return number
 
 
-def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction]:
+def read_start(scene: Scene, y0: object, t0: object) -> tuple[list[Fraction], Fraction]:
     """The start and its time."""
     origin = None if t0 is None else _read_number(t0, "t0")
     clock = scene.places.get(TIME)
@@ -269,7 +270,7 @@ def read_start(scene: Scene, y0: Any, t0: Any) -> tuple[list[Fraction], Fraction
 
 def read_times(t: Any, origin: Fraction) -> list[Fraction]:
     """The times, in one direction from the origin."""
-    t = t.tolist() if hasattr(t, "tolist") else t
+    t = as_lists(t)
     single = isinstance(t, str) or not isinstance(t, Iterable)
     times = [_read_number(x, f"t[{k}]") for k, x in enumerate([t] if single else items(t, "t"), 1)]
     if not times:

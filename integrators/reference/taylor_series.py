@@ -23,6 +23,7 @@ import numpy as np
 import sympy
 from mpmath import isfinite, mpf
 from mpmath.libmp import to_rational
+from numpy.typing import NDArray
 
 from foundation.machine_code import njit
 from integrators.compile import machine
@@ -30,6 +31,7 @@ from integrators.compile.machine import fma
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact import expressions
+from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import ELEMENTARY
 from integrators.reference import double_double
 from integrators.reference.double_double import (
@@ -55,6 +57,8 @@ from integrators.scenes.scene import Scene
 WORKING_DIGITS = 60
 """Precision of numbers in formulas, twice that of the result."""
 
+Array: TypeAlias = NDArray[np.float64]
+Indices: TypeAlias = NDArray[np.int64]
 Term: TypeAlias = tuple[Any, int]
 """An mpmath number times a register."""
 
@@ -70,10 +74,10 @@ class TaylorProgram(NamedTuple):
     """The operations of a scene as arrays."""
 
     dimension: int  # the number of variables, hence the register of the constant 1
-    operations: np.ndarray  # the rows of `Operations`; LINEAR has the first and the end of its terms
-    derivatives: np.ndarray  # the index of the first term of each derivative y_i', then the end of the last
-    registers: np.ndarray  # the register of each term of a linear combination
-    weights: np.ndarray  # its coefficient, as a double-double number
+    operations: Indices  # the rows of `Operations`; LINEAR has the first and the end of its terms
+    derivatives: Indices  # the index of the first term of each derivative y_i', then the end of the last
+    registers: Indices  # the register of each term of a linear combination
+    weights: Array  # its coefficient, as a double-double number
 
 
 def taylor_program(scene: Scene) -> TaylorProgram:
@@ -97,7 +101,7 @@ def fraction_of(value: Any) -> Fraction:
     if isinstance(value, int | Fraction):
         return Fraction(value)
     if getattr(value, "is_Rational", False):
-        return Fraction(int(value.p), int(value.q))
+        return simplest(value)
     try:
         number = value.evalf(WORKING_DIGITS, strict=True) if hasattr(value, "evalf") else value
     except ArithmeticError:
@@ -129,7 +133,7 @@ def _add(term: LocalTerm, operations: Operations, derivatives: list[list[Term]])
             derivatives[place.at(row)].append((sign * _number(wanted[k][0]) * coefficient, register))
 
 
-def _number(value: Any) -> Any:
+def _number(value: object) -> Any:
     """An exact number in working precision."""
     exact = fraction_of(value)
     return mpf(exact.numerator) / exact.denominator
@@ -141,7 +145,7 @@ def _evaluated(
     """The values of the nodes of a graph, given its variables and data."""
     values: dict[int, Term] = {}
 
-    def scaled(term: Any) -> Term:
+    def scaled(term: tuple[object, int]) -> Term:
         coefficient, register = values[term[1]]
         return _number(term[0]) * coefficient, register
 
@@ -178,7 +182,7 @@ def _arrays(operations: Operations, derivatives: list[tuple[Term, ...]]) -> Tayl
     )
 
 
-def _weight(number: Any) -> tuple[float, float]:
+def _weight(number: object) -> tuple[float, float]:
     try:
         return split(fraction_of(number))
     except OverflowError:
@@ -197,7 +201,7 @@ class Operations:
         self.rows: list[list[int]] = []
         self.combinations: list[tuple[Term, ...]] = []
         self.unit = mpf(1)
-        self._known: dict[Any, int] = {}
+        self._known: dict[tuple[object, ...], int] = {}
 
     def sum(self, terms: Iterable[Term]) -> Term:
         """The sum of terms."""
@@ -302,7 +306,7 @@ class Operations:
         return self.one + len(self.rows)
 
 
-def _real(number: Any) -> Any:
+def _real(number: object) -> Any:
     """The number, refused unless real and finite."""
     if isinstance(number, mpmath.mpf) and mpmath.isfinite(number):
         return number
@@ -327,7 +331,7 @@ SIN, COS, TAN, ASIN, ACOS, ATAN, SINH, COSH, TANH, ASINH, ACOSH, ATANH, EXP, LOG
 
 
 @inlined
-def convolution(series: Any, x: int, y: int, first: int, end: int, k: int) -> DoubleDouble:
+def convolution(series: Array, x: int, y: int, first: int, end: int, k: int) -> DoubleDouble:
     """Σ_{first ≤ j < end} x_j y_{k−j}: the high parts exactly, the rest in doubles."""
     total, rest = 0.0, 0.0
     for j in range(first, end):
@@ -338,7 +342,9 @@ def convolution(series: Any, x: int, y: int, first: int, end: int, k: int) -> Do
 
 
 @inlined
-def weighted(series: Any, x: int, y: int, first: int, end: int, k: int, start: float, increment: float) -> DoubleDouble:
+def weighted(
+    series: Array, x: int, y: int, first: int, end: int, k: int, start: float, increment: float
+) -> DoubleDouble:
     """Σ_{first ≤ j < end} (start + increment·j) x_j y_{k−j}; the weights are integers."""
     total, rest = 0.0, 0.0
     for j in range(first, end):
@@ -352,7 +358,7 @@ def weighted(series: Any, x: int, y: int, first: int, end: int, k: int, start: f
 
 
 @inlined
-def linear(series: Any, registers: Any, weights: Any, first: int, end: int, k: int) -> DoubleDouble:
+def linear(series: Array, registers: Indices, weights: Array, first: int, end: int, k: int) -> DoubleDouble:
     """The k-th coefficient of a linear combination."""
     total, rest = 0.0, 0.0
     for i in range(first, end):
@@ -364,7 +370,7 @@ def linear(series: Any, registers: Any, weights: Any, first: int, end: int, k: i
 
 
 @inlined
-def product(series: Any, x: int, y: int, k: int) -> DoubleDouble:
+def product(series: Array, x: int, y: int, k: int) -> DoubleDouble:
     """The k-th coefficient of a product; a square takes half the work."""
     square = x == y
     total = convolution(series, x, y, 0, (k + 1) // 2 if square else k + 1, k)
@@ -377,14 +383,14 @@ def product(series: Any, x: int, y: int, k: int) -> DoubleDouble:
 
 
 @inlined
-def power(series: Any, u: int, value: int, numerator: int, denominator: int, k: int) -> DoubleDouble:
+def power(series: Array, u: int, value: int, numerator: int, denominator: int, k: int) -> DoubleDouble:
     """The k-th coefficient of v = u^(a/b) for k > 0, from b u v' = a u' v."""
     total = weighted(series, value, u, 0, k, k, float(numerator * k), -float(numerator + denominator))
     return divide(total, scale((series[u, 0, 0], series[u, 0, 1]), float(denominator * k)))
 
 
 @inlined
-def function(series: Any, u: int, derivative: int, k: int) -> DoubleDouble:
+def function(series: Array, u: int, derivative: int, k: int) -> DoubleDouble:
     """The k-th coefficient of v = f(u) for k > 0, from v' = g u'."""
     total = weighted(series, u, derivative, 1, k + 1, k, 0.0, 1.0)
     return multiply(total, (INVERSES[k, 0], INVERSES[k, 1]))
@@ -432,7 +438,7 @@ def first_of_function(u: DoubleDouble, kind: int, numerator: int, denominator: i
 
 
 @strict
-def expand(program: TaylorProgram, series: Any, unit: float, order: int) -> None:
+def expand(program: TaylorProgram, series: Array, unit: float, order: int) -> None:
     """Compute all coefficients to this order from the values of the variables."""
     one, operations, derivatives, registers, weights = program
     for k in range(order + 1):
@@ -458,7 +464,7 @@ def expand(program: TaylorProgram, series: Any, unit: float, order: int) -> None
 
 
 @strict
-def step_size(series: Any, dimension: int, order: int) -> float:
+def step_size(series: Array, dimension: int, order: int) -> float:
     """The step, in units, from the second half of the coefficients; nan if some are not finite.
 
     These show the radius of convergence, relative to the size of each variable, the largest of its first coefficients.
@@ -479,7 +485,7 @@ def step_size(series: Any, dimension: int, order: int) -> float:
 
 
 @strict
-def at(series: Any, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
+def at(series: Array, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
     """The value of a variable by Horner's rule."""
     total = (0.0, 0.0)
     for k in range(order, -1, -1):
@@ -489,8 +495,9 @@ def at(series: Any, i: int, order: int, s: DoubleDouble) -> DoubleDouble:
 
 @strict
 def evaluate(
-    series: Any, dimension: int, order: int, step: float, unit: float, state: Any, times: Any, first: int, values: Any
-) -> int:
+    series: Array, dimension: int, order: int, step: float, unit: float, state: Array, times: Array, first: int,
+    values: Array,
+) -> int:  # fmt: skip
     """Evaluate the solution and its size Σ |c_k step^k| at the times within a step; the index of the next time."""
     while first < len(times):
         s = scale(subtract((times[first, 0], times[first, 1]), (state[0], state[1])), 1 / unit)
@@ -508,8 +515,8 @@ def evaluate(
 
 @njit(sources=(double_double, expressions, machine), nogil=True, error_model="numpy", fastmath=False)
 def advance(
-    program: TaylorProgram, series: Any, state: Any, order: int, perturbation: float, steps: int, times: Any,
-    first: int, values: Any,
+    program: TaylorProgram, series: Array, state: Array, order: int, perturbation: float, steps: int, times: Array,
+    first: int, values: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """Make at most `steps` steps, and evaluate the solution at the times that they pass, from index `first` on.
 

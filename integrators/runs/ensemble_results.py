@@ -367,7 +367,7 @@ def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
     return Block(statistics, found["series"], found["ends"], tuple(failures))
 
 
-def block_folder(path: str | os.PathLike[str], identity: Mapping[str, Any]) -> str:
+def block_folder(path: str | os.PathLike[str], identity: Mapping[str, object]) -> str:
     """The folder of finished blocks, created if missing, from which an ensemble with this identity resumes."""
     folder = check_path(path, "checkpoint")
     label = os.path.join(folder, "ensemble.json")

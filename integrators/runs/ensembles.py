@@ -41,6 +41,7 @@ from integrators.runs.integration import OutputSteps
 from integrators.runs.observers import Observers, observers
 from integrators.runs.storage import description, identity
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import Stepper, stepper
@@ -79,7 +80,7 @@ class Members:
         self.is_stopped = False
         self._chunk = 1000  # steps between checks of `is_stopped`
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return _restored, (self.packed,)
 
     @cached_property
@@ -111,7 +112,7 @@ class Members:
         sizes = {"times": len(self.step_numbers), "quantities": len(self.observers), "variables": self.scene.dimension}
         return {**sizes, "kept": kept, "ends": len(members) if self.final else 0}
 
-    def start(self, member: int, y0: Any) -> State:
+    def start(self, member: int, y0: object) -> State:
         """A member before its first step, from its start or, where `y0` is None, from a drawn one."""
         start = y0 if self.sample is None else self.sample(member_generator(self.seed, member))
         if start is None:
@@ -145,7 +146,7 @@ class Members:
                     result[:, k] /= values[0, k]
         return result
 
-    def result(self, member: int, y0: Any) -> Block:
+    def result(self, member: int, y0: object) -> Block:
         """The run of one member, as a block."""
         values = np.full((len(self.step_numbers), len(self.observers)), np.nan)
         end, rows, failures = np.full(self.scene.dimension, np.nan), 0, list[Failure]()
@@ -207,7 +208,7 @@ def ensemble(
     change: str | Mapping[str, str] | None = None,
     keep: int = 0,
     final: bool = False,
-    parts: Mapping[str, Any] | None = None,
+    parts: Parts | None = None,
     compensated: bool = True,
     split: bool = True,
     solver: str = "auto",
@@ -307,7 +308,7 @@ def ensemble(
     return result
 
 
-def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndarray | None, int]:
+def _starts(y0: object, sample: object, members: object, dimension: int) -> tuple[np.ndarray | None, int]:
     """The starts (None: to be drawn), and the number of members."""
     if (y0 is None) == (sample is None):
         given = "neither" if y0 is None else "both"
@@ -326,7 +327,7 @@ def _starts(y0: Any, sample: Any, members: Any, dimension: int) -> tuple[np.ndar
     return starts, len(starts)
 
 
-def _whole(value: Any, argument: str, least: int) -> int:
+def _whole(value: object, argument: str, least: int) -> int:
     return read_whole(value, argument, f"an integer from {least} on", least, sys.maxsize)
 
 
@@ -379,7 +380,8 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 
 def _blocks(
     work: Members, starts: np.ndarray | None, count: int, folder: str | None,
-    compute: Callable[[Sequence[Any]], Generator[Block, None, None]], progress: Callable[[int, int], None] | None,
+    compute: Callable[[Sequence[tuple[object, ...]]], Generator[Block, None, None]],
+    progress: Callable[[int, int], None] | None,
 ) -> Generator[Block, None, None]:  # fmt: skip
     """All blocks in order; their size, a power of two, depends on `count` alone."""
     size = 1 << (-(-count // BLOCKS) - 1).bit_length()
@@ -402,7 +404,7 @@ def _blocks(
 
 
 def results_in_order(
-    executor: Executor | str, workers: int | None, function: Callable[..., T], tasks: Sequence[tuple[Any, ...]]
+    executor: Executor | str, workers: int | None, function: Callable[..., T], tasks: Sequence[tuple[object, ...]]
 ) -> Generator[T, None, None]:
     """Results of a function for the arguments of each task, in the order of the tasks.
 
@@ -454,7 +456,7 @@ def _opened(executor: Executor | str, workers: int | None) -> Iterator[Any]:
         pool.shutdown(cancel_futures=True)  # Python 3.11 prints a traceback if a pool breaks with cancelled tasks
 
 
-def _check_workers(workers: Any) -> None:
+def _check_workers(workers: object) -> None:
     """Refuse numbers of workers that are not positive."""
     if workers is not None and (type(workers) is not int or workers < 1):
         raise IntegratorError(f"workers must be a positive integer, but was {shorten(repr(workers))}")

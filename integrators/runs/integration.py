@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from hashlib import sha256
 from time import monotonic
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from integrators.runs.storage import Checkpoint, Counts, FolderRecording, Record
 from integrators.runs.trajectory import PART, Trajectory
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import Stepper, stepper
@@ -119,17 +120,17 @@ def integrate(
     h: float | str,
     steps: int | None = None,
     span: float | str | None = None,
-    y0: Any = None,
+    y0: object = None,
     t0: float = 0.0,
-    parts: Mapping[str, Any] | None = None,
+    parts: Parts | None = None,
     save_every: int | None = 1,
-    observe: Any = None,
+    observe: object = None,
     observe_every: int | None = None,
     compensated: bool = True,
     split: bool = True,
     solver: str = "auto",
     average_nodes: int | None = None,
-    control: Any = None,
+    control: object = None,
     progress: Callable[[int, int], object] | None = None,
     to: str | os.PathLike[str] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,

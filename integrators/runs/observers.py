@@ -13,7 +13,7 @@ from foundation.machine_code import MachineCode
 from integrators.compile.c_functions import OBSERVER, c_function, data
 from integrators.compile.function_keys import function_key
 from integrators.compile.printer import ModuleText
-from integrators.compile.scene_source import SiteSum, energy_lines
+from integrators.compile.scene_source import energy_lines, flat_lines
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
@@ -48,14 +48,14 @@ class UserFunction:
 class Observers:
     """Compiled functions of (t, y), evaluated together; made by `observers`."""
 
-    def __init__(self, scene: Scene, quantities: Mapping[str, str | Callable[..., Any]]):
+    def __init__(self, scene: Scene, quantities: Mapping[str, str | Callable[..., object]]):
         self.scene, self.names = scene, tuple(quantities)
         self._quantities = tuple(quantities.values())
 
     def __repr__(self) -> str:
         return f"<Observers {', '.join(self.names)} on {self.scene.name}>"
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return observers, (self.scene, dict(zip(self.names, self._quantities, strict=True)))
 
     def __len__(self) -> int:
@@ -79,7 +79,7 @@ class Observers:
     @cached_property
     def _codes(self) -> tuple[MachineCode, ...]:
         quantities = (x if isinstance(x, str) else UserFunction(function_key(x), x) for x in self._quantities)
-        return _c_functions(self.scene, self.names, tuple(quantities))
+        return observer_codes(self.scene, self.names, tuple(quantities))
 
     def check(self, t: float, y: np.ndarray) -> None:
         """Call the functions of the user once, since the C function cannot raise; refuse those that do."""
@@ -97,7 +97,7 @@ class Observers:
             )
 
 
-def observers(scene: Scene, observe: Any) -> Observers:
+def observers(scene: Scene, observe: object) -> Observers:
     """Compile the quantities to observe on a scene."""
     quantities: dict[str, str | Callable[..., Any]] = {}
     for name, quantity in _pairs(scene, observe):
@@ -121,7 +121,7 @@ def observers(scene: Scene, observe: Any) -> Observers:
     return made
 
 
-def _pairs(scene: Scene, observe: Any) -> list[tuple[Any, Any]]:
+def _pairs(scene: Scene, observe: object) -> list[tuple[Any, Any]]:
     """Pairs of a name and a quantity."""
     if observe is None:
         return []
@@ -157,7 +157,9 @@ def _with_energy(scene: Scene) -> Scene | None:
 
 
 @lru_cache(maxsize=64)
-def _c_functions(scene: Scene, names: tuple[str, ...], quantities: tuple[Any, ...]) -> tuple[MachineCode, ...]:
+def observer_codes(
+    scene: Scene, names: tuple[str, ...], quantities: tuple[str | UserFunction, ...]
+) -> tuple[MachineCode, ...]:
     """The C function, after those that it calls; the machine code of formulas is kept on disk."""
     formulas = {k: quantity for k, quantity in enumerate(quantities) if isinstance(quantity, str)}
     functions = {k: (names[k], x.function) for k, x in enumerate(quantities) if not isinstance(x, str)}
@@ -179,8 +181,7 @@ def _formulas(scene: Scene, quantities: Mapping[int, str]) -> MachineCode:
             writer.function("energy(y)", "The Hamiltonian at y.", energy_lines(system, writer))
             lines.append(f"out[{k}] = energy(y)")
         else:
-            integrals[k] = filled(base.invariants[quantity], base)
-    total = SiteSum.flat(scene, integrals)
-    lines += total.lines({k: f"out[{k}] =" for k in integrals}, writer)
+            integrals[f"out[{k}]"] = filled(base.invariants[quantity], base)
+    lines += flat_lines(scene, integrals, writer)
     writer.function("observe(t, y, out)", "Put the quantities in out.", lines, "@in_c(OBSERVER)")
     return c_function(writer.source(scene, FORMULAS), "observe")

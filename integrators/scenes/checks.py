@@ -113,7 +113,7 @@ def _guards_with_values(formula: sympy.Expr, derivatives: int, scene: System) ->
 def _check_flat(guard: Guard, scene: System) -> None:
     formula = filled(guard.formula, scene)
     if scene.start is not None:
-        symbols = cast("set[Any]", formula.free_symbols)
+        symbols = cast("set[sympy.Symbol]", formula.free_symbols)
         values = {symbol: scene.start[scene.places[symbol.name]] for symbol in symbols if symbol.name in scene.places}
         _check_at(guard, formula, values)
     else:
@@ -125,7 +125,7 @@ def _check_sites(guard: Guard, sites: Sites, scene: System) -> None:
     import numpy as np
 
     formula = filled(guard.formula, scene)
-    symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
+    symbols = sorted(cast("set[sympy.Symbol]", formula.free_symbols), key=str)
     known = [values for symbol in symbols if (values := _site_values(symbol.name, sites.count, scene)) is not None]
     if len(known) < len(symbols):  # without values, only a repeated site in a row can make a difference vanish
         rows = () if sites.kind == "pairs" else sites.rows()  # pairs, of which there may be very many, have two sites
@@ -180,7 +180,9 @@ def _rows(sites: Sites, variables: Sequence[np.ndarray]) -> np.ndarray:
     return np.array(list(sites.rows()), dtype=int).reshape(-1, sites.roles)
 
 
-def _check_at(guard: Guard, formula: sympy.Expr, values: Mapping[Any, sympy.Expr], row: Iterable[int] = ()) -> None:
+def _check_at(
+    guard: Guard, formula: sympy.Expr, values: Mapping[sympy.Symbol, sympy.Expr], row: Iterable[int] = ()
+) -> None:
     """Refuse values that do not satisfy a guard, unless they make it too large to be computed."""
     with suppress(ArithmeticError):
         _check(guard, substituted(formula, values), row)
@@ -262,7 +264,7 @@ def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
 def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
     """The terms ∂I/∂y_k f_k of an invariant as a function of y and f(y)."""
     formula = filled(scene.invariants[name], scene)
-    symbols = sorted(cast("set[Any]", formula.free_symbols), key=str)
+    symbols = sorted(cast("set[sympy.Symbol]", formula.free_symbols), key=str)
     places = [scene.places[symbol.name] for symbol in symbols]
     partial = [formula.diff(symbol) for symbol in symbols]
     gradient = as_function(symbols, partial, "mpmath")

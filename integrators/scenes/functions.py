@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 import sympy
 
-from integrators.core.arguments import items, parameters_of, required
+from integrators.core.arguments import items, parameters_of, required, without_axes
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.branches import Absolute, Sign, compare, extreme
 from integrators.scenes.model.black_boxes import BoxArgument
@@ -21,9 +21,9 @@ from integrators.scenes.scene import Scene
 
 
 def scene_from_function(
-    function: Callable[..., Any] | Mapping[str, Callable[..., Any]], y0: Sequence[Any], *,
-    variables: Mapping[str, Any] | None = None, hamiltonian: bool = False, compiled: bool | None = None,
-    jacobian: Callable[..., Any] | None = None, name: str | None = None,
+    function: Callable[..., object] | Mapping[str, Callable[..., object]], y0: Sequence[object], *,
+    variables: Mapping[str, object] | None = None, hamiltonian: bool = False, compiled: bool | None = None,
+    jacobian: Callable[..., object] | None = None, name: str | None = None,
 ) -> Scene:  # fmt: skip
     """The scene of a right-hand side ``f(t, y)`` or ``f(y)``, or of a Hamiltonian ``H(p, q)``, written in Python.
 
@@ -78,7 +78,7 @@ def scene_from_function(
     blocks = _blocks(function, start, variables, hamiltonian)
     _check_options(function, hamiltonian, compiled, jacobian)
     reasons: list[str] = []
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, Fraction] = {}
     if hamiltonian:
         signature = _signature(function)
         if required(signature) != 2:
@@ -108,7 +108,7 @@ def scene_from_function(
     return made
 
 
-def _blocks(function: Any, start: Sequence[Any], variables: Any, hamiltonian: bool) -> tuple[Block, ...]:
+def _blocks(function: object, start: Sequence[object], variables: object, hamiltonian: bool) -> tuple[Block, ...]:
     """The blocks of the state, with as many variables as there are start values."""
     if variables is None:
         if isinstance(function, Mapping):
@@ -124,7 +124,7 @@ def _blocks(function: Any, start: Sequence[Any], variables: Any, hamiltonian: bo
     return blocks
 
 
-def _check_options(function: Any, hamiltonian: bool, compiled: Any, jacobian: Any) -> None:
+def _check_options(function: object, hamiltonian: bool, compiled: object, jacobian: object) -> None:
     """Refuse options that do not go together."""
     for one in function.values() if isinstance(function, Mapping) else [function]:
         if not callable(one):
@@ -142,16 +142,16 @@ class _Call(NamedTuple):
 
     function: Any
     arguments: Mapping[str, Sequence[str] | None]
-    parameters: dict[str, Any]
+    parameters: dict[str, Fraction]
     values: Sequence[str]
 
     @property
-    def plain(self) -> Any:
+    def plain(self) -> Callable[..., Any]:
         """The Python function, even if numba has compiled it."""
         return getattr(self.function, "py_func", self.function)
 
 
-def _calls(function: Any, blocks: Sequence[Block]) -> Iterator[_Call]:
+def _calls(function: object, blocks: Sequence[Block]) -> Iterator[_Call]:
     """The calls whose values make up the field."""
     if not isinstance(function, Mapping):
         signature = _signature(function)
@@ -187,13 +187,13 @@ def _signature(function: Any) -> list[Parameter]:
     return found
 
 
-def _parameters(signature: Sequence[Parameter]) -> dict[str, Any]:
+def _parameters(signature: Sequence[Parameter]) -> dict[str, Fraction]:
     """Arguments with numbers as defaults."""
     given = {p.name: exact_number(p.default) for p in signature}
     return {key: value for key, value in given.items() if value is not None}
 
 
-def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: list[str]) -> dict[str, sympy.Expr]:
+def _derivatives(call: _Call, compiled: bool | None, jacobian: object, reasons: list[str]) -> dict[str, sympy.Expr]:
     """The formulas of a right-hand side. If it is compiled instead, the reason is appended to `reasons`."""
     refused = ""
     if compiled is not True:
@@ -223,7 +223,7 @@ def _derivatives(call: _Call, compiled: bool | None, jacobian: Any, reasons: lis
 def _called(call: _Call) -> Any:
     """The function's result on symbols."""
 
-    def symbols(names: Sequence[str] | None) -> Any:
+    def symbols(names: Sequence[str] | None) -> Formula | np.ndarray:
         if names is None:
             return Formula(sympy.Symbol(TIME))
         return np.array([Formula(sympy.Symbol(name)) for name in names], dtype=object).view(FormulaArray)
@@ -260,7 +260,7 @@ def _compiled_entries(call: _Call, jacobian: Any) -> list[sympy.Expr]:
     return black_box(call.function, name, box_arguments, (n,), derivative).entries(symbols)
 
 
-def _reads(function: Any, argument: str) -> bool:
+def _reads(function: object, argument: str) -> bool:
     """Whether the code of a function reads an argument."""
     code = getattr(function, "__code__", None)
     if code is None or argument in code.co_cellvars:
@@ -269,7 +269,7 @@ def _reads(function: Any, argument: str) -> bool:
     return any(argument in (name if isinstance(name, tuple) else (name,)) for name in names)
 
 
-def _formula(value: Any, what: str) -> sympy.Expr:
+def _formula(value: object, what: str) -> sympy.Expr:
     """A result of the function as a formula."""
     found = operand(value)
     if found is None:
@@ -284,10 +284,9 @@ METHODS = {
 """NumPy's functions that call methods of objects, and SymPy's names for them."""
 
 
-def exact_number(value: Any) -> Any:
+def exact_number(value: Any) -> Fraction | None:
     """A number as a Fraction, a float as the decimal that it prints as; None for anything else."""
-    if hasattr(value, "item") and getattr(value, "shape", None) == ():
-        value = value.item()
+    value = without_axes(value)
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
         return None
     try:
@@ -296,10 +295,9 @@ def exact_number(value: Any) -> Any:
         raise IntegratorError(f"numbers in function must be finite, but one was {value}") from None
 
 
-def operand(value: Any) -> Any:
+def operand(value: object) -> sympy.Expr | None:
     """A formula or a number as a SymPy expression; None for anything else."""
-    if isinstance(value, np.ndarray) and value.shape == ():
-        value = value.item()
+    value = without_axes(value)
     if isinstance(value, Formula):
         return value.expression
     if isinstance(value, sympy.Expr):
@@ -308,10 +306,10 @@ def operand(value: Any) -> Any:
     return None if number is None else sympy.Rational(number.numerator, number.denominator)
 
 
-def traced(function: Callable[..., Any]) -> Callable[..., Any]:
+def traced(function: Callable[..., sympy.Expr]) -> Callable[..., Formula]:
     """A function of SymPy expressions as a function of formulas and numbers."""
 
-    def apply(*values: Any) -> Formula:
+    def apply(*values: object) -> Formula:
         found = [operand(value) for value in values]
         if any(value is None for value in found):
             raise TypeError(f"{function.__name__} takes formulas and numbers")
@@ -323,7 +321,7 @@ def traced(function: Callable[..., Any]) -> Callable[..., Any]:
 class Condition:
     """An inequality, by which `np.where` chooses."""
 
-    def __init__(self, choose: Callable[[Any, Any], Any]):
+    def __init__(self, choose: Callable[[object, object], object]):
         self.choose = choose
 
     def __and__(self, other: Condition) -> Condition:
@@ -341,12 +339,12 @@ class Condition:
             "np.minimum or np.maximum"
         )
 
-    def __array_function__(self, function: Any, types: Any, values: Any, options: Any) -> Any:
+    def __array_function__(self, function: object, types: object, values: Sequence[object], options: object) -> Any:
         return where(*values) if function is np.where and len(values) == 3 and not options else NotImplemented
 
 
-def _compared(relation: str) -> Callable[[Any, Any], Any]:
-    def comparison(left: Any, right: Any) -> Condition:
+def _compared(relation: str) -> Callable[[object, object], Condition]:
+    def comparison(left: object, right: object) -> Condition:
         x, y = operand(left), operand(right)
         if x is None or y is None:
             raise TypeError("comparisons take formulas and numbers")
@@ -355,21 +353,21 @@ def _compared(relation: str) -> Callable[[Any, Any], Any]:
     return comparison
 
 
-def _choice(condition: Any, a: Any, b: Any) -> Any:
+def _choice(condition: object, a: object, b: object) -> object:
     return condition.choose(a, b) if isinstance(condition, Condition) else a if condition else b
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: object, a: object, b: object) -> Any:
     """`np.where` on conditions, formulas and numbers, or arrays of them."""
     return _elementwise(_choice, (condition, a, b))
 
 
-def _elementwise(function: Callable[..., Any], values: Sequence[Any]) -> Any:
+def _elementwise(function: Callable[..., object], values: Sequence[object]) -> Any:
     found = np.frompyfunc(function, len(values), 1)(*(np.asarray(value, dtype=object) for value in values))
     return found.view(FormulaArray) if isinstance(found, np.ndarray) else found
 
 
-ELEMENTWISE: dict[str, Callable[..., Any]] = {
+ELEMENTWISE: dict[str, Callable[..., object]] = {
     "sign": traced(Sign),
     "erf": traced(sympy.erf),
     "heaviside": traced(lambda x, at_zero: compare(x, ">", 0, 1, compare(x, "<", 0, 0, at_zero))),
@@ -385,7 +383,7 @@ ELEMENTWISE: dict[str, Callable[..., Any]] = {
 REDUCED = {"maximum", "minimum", "fmax", "fmin"}
 
 
-def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, Any]) -> Any:
+def _apply(ufunc: np.ufunc, method: str, values: Sequence[object], options: dict[str, Any]) -> Any:
     """A universal function of NumPy or SciPy on formulas and arrays of them."""
     if ufunc.__name__ in ELEMENTWISE:
         if method == "__call__" and not options:
@@ -399,7 +397,7 @@ def _apply(ufunc: Any, method: str, values: Sequence[Any], options: dict[str, An
     return found.view(FormulaArray) if isinstance(found, np.ndarray) and found.dtype == object else found
 
 
-def _is_default(option: tuple[str, Any]) -> bool:
+def _is_default(option: tuple[str, object]) -> bool:
     """Whether an option of a reduction has its default value, or is the axis."""
     name, value = option
     return (
@@ -410,7 +408,7 @@ def _is_default(option: tuple[str, Any]) -> bool:
     )
 
 
-def _extremes(name: str, values: Any, axis: Any) -> Any:
+def _extremes(name: str, values: object, axis: Any) -> Any:
     """The least or the largest entries along an axis, or of the whole array if the axis is None."""
     array = np.asarray(values, dtype=object)
     rows = array.reshape(-1) if axis is None else np.moveaxis(array, axis, -1)
@@ -423,7 +421,7 @@ def _extremes(name: str, values: Any, axis: Any) -> Any:
 class FormulaArray(np.ndarray):
     """An array of formulas."""
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *values: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *values: object, **options: Any) -> Any:
         return _apply(ufunc, method, values, options)
 
     def __array_function__(self, function: Any, types: Any, values: Any, options: Any) -> Any:
@@ -440,11 +438,11 @@ class Formula:
     def __init__(self, expression: sympy.Expr):
         self.expression = expression
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *values: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *values: object, **options: Any) -> Any:
         return _apply(ufunc, method, values, options)
 
     def _operator(operation: Callable[[Any, Any], Any]) -> Any:  # type: ignore[misc]  # of the class body
-        def apply(self: Formula, other: Any) -> Any:
+        def apply(self: Formula, other: object) -> object:
             found = operand(other)
             return NotImplemented if found is None else Formula(operation(self.expression, found))
 
@@ -475,7 +473,7 @@ class Formula:
             raise AttributeError(f"formulas have {', '.join(METHODS)}, but not {name}")
         return lambda: Formula(getattr(sympy, METHODS[name])(self.expression))
 
-    def _look(self, *_: Any) -> NoReturn:
+    def _look(self, *_: object) -> NoReturn:
         raise IntegratorError("function must be a formula in its arguments, but it looks at their values")
 
     __bool__ = __eq__ = __ne__ = _look  # type: ignore[assignment]

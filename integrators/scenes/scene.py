@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from fractions import Fraction
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from foundation.formulas import formula_text
 from foundation.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
 from integrators.core.errors import shorten
+from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import decimal_text
 from integrators.scenes.checks import check_domain, defects
 from integrators.scenes.model import declarations
@@ -88,10 +88,10 @@ class Scene(System, Tabular):
     """
 
     def __init__(
-        self, variables: Mapping[str, Any], *, hamiltonian: Any = None, field: Mapping[str, Any] | None = None,
-        terms: Iterable[Term] = (), poisson: Any = None, parameters: Mapping[str, Any] | None = None,
-        invariants: Mapping[str, Any] | None = None, start: Mapping[str, Any] | None = None,
-        effects: Mapping[str, Effect] | None = None, positive: Iterable[Any] = (), active: Iterable[str] = (),
+        self, variables: Mapping[str, object], *, hamiltonian: object = None, field: Mapping[str, object] | None = None,
+        terms: Iterable[Term] = (), poisson: object = None, parameters: Mapping[str, object] | None = None,
+        invariants: Mapping[str, object] | None = None, start: Mapping[str, object] | None = None,
+        effects: Mapping[str, Effect] | None = None, positive: Iterable[object] = (), active: Iterable[str] = (),
         name: str | None = None, reference: str | None = None, summary: str | None = None,
     ):  # fmt: skip
         labels = {"name": name, "reference": reference, "summary": summary}
@@ -139,7 +139,7 @@ class Scene(System, Tabular):
         check_domain(self)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.declaration, self.active
 
     def __hash__(self) -> int:
@@ -188,7 +188,7 @@ class Scene(System, Tabular):
         """
         return defects(self)
 
-    def with_effects(self, /, *names: str, **parameters: Any) -> Scene:
+    def with_effects(self, /, *names: str, **parameters: object) -> Scene:
         """The scene with exactly these effects on, and new values of parameters, its own or those of these effects.
 
         Example:
@@ -201,11 +201,11 @@ class Scene(System, Tabular):
         active = check_active(names, self.effects)
         return self._changed(declarations.with_values(self.declaration, active, parameters), active)
 
-    def with_parameters(self, /, **values: Any) -> Scene:
+    def with_parameters(self, /, **values: object) -> Scene:
         """The scene with other values of parameters, of the base system or of effects that are on."""
         return self._changed(declarations.with_values(self.declaration, self.active, values), self.active)
 
-    def with_start(self, /, **values: Any) -> Scene:
+    def with_start(self, /, **values: object) -> Scene:
         """The scene with other start values of some blocks, or of single variables.
 
         Raises:
@@ -271,16 +271,17 @@ class Scene(System, Tabular):
         return {"name": self.name, "summary": self.summary, "reference": self.reference}
 
     def _changed(self, declaration: Declaration, active: tuple[str, ...]) -> Scene:
-        rebuild, (_, _, *rest) = self.__reduce__()
-        return rebuild(declaration, active, *rest)
+        return _restored(declaration, active, dict(self.effects), self._labels)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return _restored, (self.declaration, self.active, dict(self.effects), self._labels)
 
 
-def _restored(*content: Any) -> Scene:
+def _restored(
+    declaration: Declaration, active: tuple[str, ...], effects: Mapping[str, Effect], labels: dict[str, str | None]
+) -> Scene:
     scene = Scene.__new__(Scene)
-    scene._initialize(*content)
+    scene._initialize(declaration, active, effects, labels)
     return scene
 
 
@@ -303,7 +304,7 @@ def _decimal(number: Any) -> str | None:
     """The decimal form of a rational number, if it is shorter than the fraction; else None."""
     if not number.is_Rational:
         return None
-    decimal = decimal_text(Fraction(int(number.p), int(number.q)))
+    decimal = decimal_text(simplest(number))
     return decimal if len(decimal) < len(str(number)) else None
 
 
@@ -335,7 +336,7 @@ def _facts(scene: Scene) -> Iterator[Fact]:
         yield "reference", scene.reference
 
 
-def typed_value(value: Any) -> str:
+def typed_value(value: object) -> str:
     """A value in the notation of --parameter NAME=."""
     if not isinstance(value, tuple):
         return str(value)

@@ -35,8 +35,8 @@ _CANONICAL = re.compile(
 
 
 def parse_scene(
-    text: str, blocks: str | Mapping[str, Any] | None = None, parameters: str | Mapping[str, Any] | None = None,
-    start: str | Mapping[str, Any] | None = None, name: str | None = None,
+    text: str, blocks: str | Mapping[str, object] | None = None, parameters: str | Mapping[str, object] | None = None,
+    start: str | Mapping[str, object] | None = None, name: str | None = None,
 ) -> Scene:  # fmt: skip
     """A scene from the equations of its field.
 
@@ -71,8 +71,8 @@ def parse_scene(
 
 
 def parse_hamiltonian(
-    text: str, blocks: str | Mapping[str, Any] | None = None, parameters: str | Mapping[str, Any] | None = None,
-    start: str | Mapping[str, Any] | None = None, name: str | None = None,
+    text: str, blocks: str | Mapping[str, object] | None = None, parameters: str | Mapping[str, object] | None = None,
+    start: str | Mapping[str, object] | None = None, name: str | None = None,
 ) -> Scene:  # fmt: skip
     """A scene from its Hamiltonian.
 
@@ -106,7 +106,7 @@ def parse_hamiltonian(
     return Scene(variables, hamiltonian=text, parameters=values, start=_read_start(start, variables), name=name)
 
 
-def _read_equations(text: Any) -> dict[str, str]:
+def _read_equations(text: object) -> dict[str, str]:
     """The right-hand sides by variable, in the order of the equations."""
     if not isinstance(text, str):
         raise IntegratorError(f"equations must be text, but was {shown(text)}")
@@ -190,7 +190,7 @@ def _find_canonical(names: Iterable[str]) -> dict[str, list[str]]:
     return {block: [block + ending for *_, ending in found] for block in pair}
 
 
-def _read_blocks(blocks: Any) -> dict[str, list[str]]:
+def _read_blocks(blocks: object) -> dict[str, list[str]]:
     """The names of variables by block."""
     values = read_values(blocks, "blocks")
     if isinstance(blocks, str):
@@ -198,7 +198,7 @@ def _read_blocks(blocks: Any) -> dict[str, list[str]]:
     return {block.name: list(block.variables) for block in read_blocks(values, "blocks")}
 
 
-def read_values(values: Any, argument: str) -> dict[str, Any]:
+def read_values(values: object, argument: str) -> dict[str, Any]:
     """A mapping, or the mapping written as text ``name=value; name=value,value``."""
     if values is None or isinstance(values, Mapping):
         return dict(values or {})
@@ -214,7 +214,7 @@ def read_values(values: Any, argument: str) -> dict[str, Any]:
     return read
 
 
-def _read_start(start: Any, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def _read_start(start: object, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Start values by block, collected from blocks and single variables."""
     values, found = read_values(start, "start"), {}
     for block, variables in blocks.items():
@@ -268,7 +268,7 @@ def loads_scene(text: str, *, source: str = "text") -> Scene:
     return scene
 
 
-def scene_from_table(table: Mapping[str, Any], source: str) -> Scene:
+def scene_from_table(table: Mapping[str, object], source: str) -> Scene:
     """The scene in the table of a scene file, without the check of first integrals."""
     with errors_from(source):
         return _read_scene(table)
@@ -328,7 +328,7 @@ def _read_scene(data: Any) -> Scene:
     return Scene(**{**data, "terms": _read_terms(data.get("terms", ()), "terms"), "effects": read})
 
 
-def _read_terms(data: Any, argument: str) -> list[Term]:
+def _read_terms(data: object, argument: str) -> list[Term]:
     terms = []
     for k, term in enumerate(items(data, argument), 1):
         check_keys(term, TERM_KEYS, f"{argument}[{k}]")

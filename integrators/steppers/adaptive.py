@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import sympy
 
-from integrators.compile.scene_source import SiteSum
+from integrators.compile.scene_source import flat_lines
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.expressions import nearest_double
 from integrators.scenes.model.formulas import read_formula
@@ -44,7 +44,7 @@ class ControlText(NamedTuple):
     store: tuple[str, ...] = ()
 
 
-def read_control(control: Any, scene: System) -> sympy.Expr:
+def read_control(control: object, scene: System) -> sympy.Expr:
     """Read the step size function σ(y) of h = ε σ(y).
 
     Example:
@@ -73,9 +73,8 @@ def control_text(formula: sympy.Expr, writer: StepWriter) -> ControlText:
     structure = writer.structure
     scene, whole = structure.scene, len(structure.pieces) - 1
     used = [k for k, symbol in enumerate(scene.symbols) if symbol in formula.free_symbols]
-    outputs: dict[Any, Any] = {"sigma": formula} | {k: formula.diff(scene.symbols[k]) for k in used}
-    targets = {"sigma": "sigma ="} | {k: f"s{k} =" for k in used}
-    body = SiteSum.flat(scene, outputs).lines(targets, writer.module)
+    gradient = {f"s{k}": formula.diff(scene.symbols[k]) for k in used}
+    body = flat_lines(scene, {"sigma": formula, **gradient}, writer.module)
     total = " + ".join(f"s{k}*f[{k}]" for k in used)
     writer.module.function(
         "density_rate(y, f)", "The rate of change of the density of steps.", [*body, f"return -({total})/sigma"]

@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import sympy
 
-from integrators.compile.printer import indented
+from integrators.compile.printer import Assign, indented
 from integrators.exact.entries import round_entry
 from integrators.exact.polynomials import gauss_legendre
 from integrators.scenes.model.system import output_formula
 from integrators.scenes.particles.parts import degree
 from integrators.steppers.step_model import Call, fraction
 from integrators.steppers.structure import Structure
+from integrators.steppers.values import Entry, Index, Product, Sum, Value, entry
 
 if TYPE_CHECKING:
     from integrators.steppers.writer import StepWriter
@@ -84,7 +85,7 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter)
     if key not in writer.known:
         writer.known[key] = writer.number_array(2 * size * flow.matrices, flow.numbers)
     for block in call.blocks:
-        lines += writer.forms.loop(block, [f"{target}[i] = 0.0"])
+        lines += writer.forms.assignments(block, [Assign(target, "=", Sum(()))])
     if flow.constants:
         vectors.append(module.numbers([sympy.Rational(x.numerator, x.denominator) for x in flow.constants]))
     lines.append(f"elements = {writer.known[key]}")
@@ -103,13 +104,18 @@ def _diagonal_lines(call: Call, target: str, moving: list[int], writer: StepWrit
     made, vectors = _forcing_lines(call, writer)
     lines += made
     for block, _ in start:
-        lines += forms.loop(block, [f"{array}[i + {dimension}] = {float(block in moving)}"])
+        along = float(block in moving)
+        lines += forms.loop(block, lambda i, along=along: [f"{entry(array, i, dimension)} = {along}"])
     value, rate = writer.array("field"), writer.array("rates")
     lines.append(f"{functions.field(piece, call.blocks)}({array}, {value})")
     lines.append(f"{functions.derivative(piece, call.blocks)}({array}, {rate})")
-    driven = f"{time!r}*{value}[i]" + "".join(f" + {vector}[i]/h" for vector in vectors)
+
+    def body(i: Index) -> list[str]:
+        driven = f"{time!r}*{entry(value, i)}" + "".join(f" + {entry(vector, i)}/h" for vector in vectors)
+        return [f"{entry(target, i)} = ({driven})*growth(h*{time!r}*{entry(rate, i)})"]
+
     for block in call.blocks:
-        lines += forms.loop(block, [f"{target}[i] = ({driven})*growth(h*{time!r}*{rate}[i])"])
+        lines += forms.loop(block, body)
     return lines
 
 
@@ -130,7 +136,7 @@ def _numerical_lines(call: Call, target: str, moving: list[int], writer: StepWri
     arguments = f"{start}, {'forcing' if powers else start}, h, {work}, {mean}"
     lines += [*made, f"if not {writer.known[key]}({arguments}):", "    break"]
     for block in call.blocks:
-        lines += forms.loop(block, [f"{target}[i] = {mean}[i]"])
+        lines += forms.assignments(block, [Assign(target, "=", Entry(mean))])
     return lines
 
 
@@ -390,12 +396,15 @@ def average_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     rule = gauss_legendre(_count(call, writer))
     lines = _value_lines(call, rule, writer)
     weights = writer.module.numbers([weight * θ**power for θ, weight in rule])
-    total = [
-        "x = 0.0",
-        f"for node in range(1, {len(rule)}):",
-        f"    x += {weights}[node]*(values[i + {dimension}*node] - values[i])",
-        f"{target}[i] = x + values[i]" + f"/{power + 1}.0" * (power > 0),
-    ]
+
+    def total(i: Index) -> list[str]:
+        return [
+            "x = 0.0",
+            f"for node in range(1, {len(rule)}):",
+            f"    x += {weights}[node]*(values[{i} + {dimension}*node] - values[{i}])",
+            f"{entry(target, i)} = x + values[{i}]" + f"/{power + 1}.0" * (power > 0),
+        ]
+
     return [*lines, *(line for block in call.blocks for line in writer.forms.loop(block, total))]
 
 
@@ -412,14 +421,14 @@ def _value_lines(call: Call, rule: Rule, writer: StepWriter) -> list[str]:
     if not lines and writer.averaged == content:
         return []
     writer.averaged = content
-    polynomial = f"{arrays[-1]}[i]"
-    for k, array in enumerate(arrays[-2::-1]):
-        polynomial = f"{array}[i] + x*" + (f"({polynomial})" if k else polynomial)
+    polynomial: Value = Entry(arrays[-1])
+    for array in arrays[-2::-1]:
+        polynomial = Sum((Entry(array), Product("x", polynomial)))
     dimension, at = writer.structure.scene.dimension, writer.array("at")
     values = writer.array("values", dimension * len(rule))
     node = [f"x = {writer.module.numbers([θ for θ, _ in rule])}[node]"]
     for block, _ in path[0]:
-        node += forms.loop(block, [f"{at}[i] = {polynomial}"])
+        node += forms.assignments(block, [Assign(at, "=", polynomial)])
     field = writer.functions.field(call.node.piece, call.blocks)
     node.append(f"{field}({at}, shifted({values}, {dimension}*node))")
     return [*lines, f"for node in range({len(rule)}):", *indented(node)]

@@ -12,15 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import sympy
 
 from foundation.memory import refuse_beyond_memory
-from integrators.compile.printer import indented
+from integrators.compile.printer import Assign, indented
 from integrators.core.errors import IntegratorError
 from integrators.steppers.step_model import Group, Key, Node, Point
+from integrators.steppers.values import Entry, Index, Sum, Value, entry, scaled, written
 
 if TYPE_CHECKING:
     from integrators.steppers.writer import StepWriter
@@ -45,11 +47,8 @@ def fixed_point_lines(group: Group, writer: StepWriter) -> list[str]:
     forms.forget()
     compare = [f"change{block} = 0" for block in group.blocks]
     for block in group.blocks:
-        lines = ["most = 0"]  # first over the stages of one entry, then over entries, which is a vector operation
-        for e in (e for e, b in group.unknowns if b == block):
-            lines += [f"x = {new[e]}[i]", f"most = max(most, bits(abs(x - k{e}[i])))", f"k{e}[i] = x"]
-        lines.append(f"change{block} = max(change{block}, most)")
-        compare += forms.loop(block, lines)
+        arrays = [(new[e], f"k{e}") for e, b in group.unknowns if b == block]
+        compare += forms.loop(block, partial(_comparison, f"change{block}", arrays))
     return [
         *_starting_values(group, writer),
         *(f"before{block} = 0" for block in group.blocks),
@@ -61,12 +60,21 @@ def fixed_point_lines(group: Group, writer: StepWriter) -> list[str]:
     ]
 
 
+def _comparison(change: str, arrays: Sequence[tuple[str, str]], i: Index) -> Iterator[str]:
+    """The new values of an entry: first over its stages, so that the maximum over entries is a vector operation."""
+    yield "most = 0"
+    for new, old in arrays:
+        k = entry(old, i)
+        yield from (f"x = {entry(new, i)}", f"most = max(most, bits(abs(x - {k})))", f"{k} = x")
+    yield f"{change} = max({change}, most)"
+
+
 def _fixed_point_iteration(group: Group, new: Mapping[int, str], writer: StepWriter) -> list[str]:
     """Statements for G(k); points that depend on k alone are computed in one loop, which reads k once."""
     calls = [call for call in group.calls if not writer.is_inlined(call)]
     if any(call.node.kind != "field" or call.evaluation not in new for call in calls):
         return [line for call in group.calls for line in writer.call_lines(call, new.get(call.evaluation))]
-    points: dict[int, list[str]] = {}
+    points: dict[int, list[Assign[Value]]] = {}
     fields: list[str] = []
     for call in group.calls:
         if writer.is_inlined(call):
@@ -74,9 +82,9 @@ def _fixed_point_iteration(group: Group, new: Mapping[int, str], writer: StepWri
             continue
         array = writer.array(f"z{call.evaluation}")
         for block, form in call.node.points[0]:
-            points.setdefault(block, []).append(f"{array}[i] = {writer.forms.entry(block, form)}")
+            points.setdefault(block, []).append(Assign(array, "=", writer.forms.value(block, form)))
         fields.append(f"{writer.functions.field(call.node.piece, call.blocks)}({array}, {new[call.evaluation]})")
-    return [*(line for block, lines in points.items() for line in writer.forms.loop(block, lines)), *fields]
+    return [*(line for block, lines in points.items() for line in writer.forms.assignments(block, lines)), *fields]
 
 
 def _fixed_point_stop(group: Group, writer: StepWriter) -> list[str]:
@@ -142,7 +150,10 @@ def _newton_stop(group: Group, writer: StepWriter) -> list[str]:
     small = [f"small{block} = {' and '.join(_negligible_changes(block, group, writer))}" for block in blocks]
     over = (f"small{b} and (change{b} == 0 or not falls(change{b}, before{b}, {STALLED}))" for b in blocks)
     slow = (f"not (small{b} or falls(change{b}, before{b}, {SLOW}))" for b in blocks)
-    zeros = [line for e, block in group.unknowns for line in writer.forms.loop(block, [f"k{e}[i] = 0.0"])]
+    zero = Sum(())
+    zeros = [
+        line for e, block in group.unknowns for line in writer.forms.assignments(block, [Assign(f"k{e}", "=", zero)])
+    ]
     falling = " or ".join(f"falls(change{block}, before{block}, {STALLED})" for block in blocks)
     return [
         *small,
@@ -195,13 +206,18 @@ def _starting_values(group: Group, writer: StepWriter) -> list[str]:
         own = [e for e, b in group.unknowns if b == block]
         nodes = [writer.plan.abscissas[e] for e in own]
         if len(own) > 1 and len(set(nodes)) == len(nodes):
-            body = []
-            for k, node in enumerate(nodes):
-                terms = [(e, _lagrange(nodes, j, 1 + node)) for j, e in enumerate(own)]
-                body.append(f"s{k} = {writer.forms.stored_sum(terms)}")
-            body += [f"k{e}[i] = s{k}" for k, e in enumerate(own)]
-            lines += writer.forms.loop(block, body)
+            sums = [
+                Sum(tuple(scaled(Entry(f"k{e}"), _lagrange(nodes, j, 1 + node)) for j, e in enumerate(own)))
+                for node in nodes
+            ]
+            lines += writer.forms.loop(block, partial(_extrapolation, sums, own))
     return lines
+
+
+def _extrapolation(sums: Sequence[Sum], own: Sequence[int], i: Index) -> Iterator[str]:
+    """New values of an entry of some stage derivatives, all computed before the first is stored."""
+    yield from (f"s{k} = {written(total, i)}" for k, total in enumerate(sums))
+    yield from (f"{entry(f'k{e}', i)} = s{k}" for k, e in enumerate(own))
 
 
 def _lagrange(nodes: Sequence[Fraction], j: int, x: Fraction) -> Fraction:
@@ -249,8 +265,7 @@ class UnknownRange(NamedTuple):
 
     def entry(self, array: str) -> str:
         """Entry i of the stage derivative, in an array of all unknowns."""
-        shift = self.first - self.a
-        return f"{array}[i]" if shift == 0 else f"{array}[i {'+' if shift > 0 else '-'} {abs(shift)}]"
+        return entry(array, "i", self.first - self.a)
 
     def loop(self, *lines: str) -> list[str]:
         """A loop over the entries."""

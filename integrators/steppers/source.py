@@ -19,12 +19,13 @@ import numpy as np
 
 from foundation.machine_code import MachineCode
 from integrators.compile.c_functions import c_function
-from integrators.compile.printer import indented
+from integrators.compile.printer import Assign, indented
 from integrators.steppers.adaptive import ControlText, control_text
 from integrators.steppers.flows import average_lines, flow_lines
 from integrators.steppers.implicit_stages import SOLVERS, first_values
 from integrators.steppers.step_model import Call, Form, Key, Options, Plan
 from integrators.steppers.structure import Structure, diagonal
+from integrators.steppers.values import Entry, Product, Sum, entry
 from integrators.steppers.writer import StepWriter, derivative_lines, field_call_lines, resolvent_lines
 
 TEMPLATE = '''\
@@ -142,7 +143,7 @@ class _Step:
         writer, forms, module = self.writer, self.forms, self.writer.module
         body = self._body_lines()
         for (e, block), (end, _) in self.plan.reused.items():
-            body += forms.loop(block, [f"k{e}[i] = k{end}[i]"])
+            body += forms.assignments(block, [Assign(f"k{e}", "=", Entry(f"k{end}"))])
         first: list[str] = []  # stage derivatives that each later step takes over from the one before
         for work in (work for work in self.plan.work if isinstance(work, Call) and self.plan.is_reused(work)):
             first += writer.call_lines(work)
@@ -154,7 +155,8 @@ class _Step:
         last: list[str] = []
         for block, kicks in self.plan.staggered.items():  # kicks of successive steps are merged
             first += forms.update(block, Form(Fraction(1), kicks))
-            last += forms.loop(block, [f"source[i] = y[i] - h*({forms.sum(block, kicks)})"])
+            taken = Product("h", forms.sum(block, kicks), negative=True)
+            last += forms.assignments(block, [Assign("source", "=", Sum((Entry("y"), taken)))])
         start = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         start += ["else:", *indented(load)] if memory else []
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
@@ -162,9 +164,9 @@ class _Step:
         arrays, size = writer.array_lines()
         lines = [
             *arrays,
-            *self._state_lines("y[i] = source[i]", "e[i] = compensation[i]"),
+            *self._state_lines(("y", "source"), ("e", "compensation")),
             *steps,
-            *self._state_lines("source[i] = y[i]", "compensation[i] = e[i]"),
+            *self._state_lines(("source", "y"), ("compensation", "e")),
             *last,
             "return done",
         ]
@@ -185,13 +187,14 @@ class _Step:
         size = 0
         for name, block in kept:
             for a, b in self.structure.blocks[block]:
-                index = f"m[i + {size - a}]" if size >= a else f"m[i - {a - size}]"
-                load += [f"for i in range({a}, {b}):", f"    {name}[i] = {index}"]
-                store += [f"for i in range({a}, {b}):", f"    {index} = {name}[i]"]
+                kept_at, loop = entry("m", "i", size - a), f"for i in range({a}, {b}):"
+                load += [loop, f"    {name}[i] = {kept_at}"]
+                store += [loop, f"    {kept_at} = {name}[i]"]
                 size += b - a
         return load, store, size
 
-    def _state_lines(self, line: str, compensating: str) -> list[str]:
-        """Loops over the whole state, one for each block."""
-        lines = [line, *([compensating] * self.writer.options.compensated)]
-        return [text for block in range(len(self.structure.blocks)) for text in self.forms.loop(block, lines)]
+    def _state_lines(self, *copies: tuple[str, str]) -> list[str]:
+        """Loops that copy the whole state and its compensation, one for each block."""
+        used = copies if self.writer.options.compensated else copies[:1]
+        body = [Assign(to, "=", Entry(origin)) for to, origin in used]
+        return [text for block in range(len(self.structure.blocks)) for text in self.forms.assignments(block, body)]

@@ -32,7 +32,7 @@ class StepError(IntegratorError):
         super().__init__(message)
         self.step, self.t, self.y, self.trajectory = step, t, y, trajectory
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return StepError, (str(self), self.step, self.t, self.y, self.trajectory)
 
 

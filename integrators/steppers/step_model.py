@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import sympy
 
+from integrators.exact.arithmetic import simplest
+
 DECIMALS = 40
 """Relative accuracy of the rational coefficients: 10^-40."""
 
@@ -172,6 +174,5 @@ class Options(NamedTuple):
 def fraction(number: Any) -> Fraction:
     """Approximate a coefficient by a rational number, to `DECIMALS` digits."""
     if hasattr(number, "evalf"):
-        digits: Any = sympy.Rational(number.evalf(DECIMALS))
-        return Fraction(int(digits.p), int(digits.q))
+        return simplest(sympy.Rational(number.evalf(DECIMALS)))
     return Fraction(number)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from foundation.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
-from integrators.compile.c_functions import RECORDED, REPEATED, c_function, data
+from integrators.compile.c_functions import RECORDED, REPEATED, Pointer, c_function, data
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.arguments import check_end, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -20,7 +20,7 @@ from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.particles.parts import Piece, check_kind, pieces_of
+from integrators.scenes.particles.parts import Parts, Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.flows import MOST_NODES
@@ -36,7 +36,7 @@ NOTHING = (0, *[0, None, 0, None, 0] * 2)
 """The last arguments of `recorded` where nothing is stored."""
 
 
-def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, options: Options) -> StepSource:
+def compile_step(method: Method, scene: Scene, parts: Parts | None, options: Options) -> StepSource:
     """Compile one step of a method on a scene.
 
     ::
@@ -63,7 +63,7 @@ def compile_step(method: Method, scene: Scene, parts: Mapping[str, Any] | None, 
     return step_source(structure, step, options)
 
 
-def method_pieces(method: Method, scene: Scene, parts: Any) -> list[Piece]:
+def method_pieces(method: Method, scene: Scene, parts: Parts | None) -> list[Piece]:
     """The pieces of the field for the parts of a method; an auxiliary matrix is the Jacobian of the whole field."""
     auxiliary = method.program.auxiliary
     names = [name for name in method.names if name not in auxiliary]
@@ -92,7 +92,7 @@ class Stepper:
         True
     """
 
-    def __init__(self, scene: Scene, method: Method, parts: Any, options: Options):
+    def __init__(self, scene: Scene, method: Method, parts: Parts | None, options: Options):
         self.scene, self.method, self.control = scene, method, options.control
         self._parts, self._options = parts, options
         self._is_free = options.solver == "auto"
@@ -100,7 +100,7 @@ class Stepper:
         self.source = self._compiled(self._first_solver).text
         self._known_numbers: dict[tuple[float, str], np.ndarray] = {}
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return Stepper, (self.scene, self.method, self._parts, self._options)
 
     @cached_method
@@ -115,7 +115,7 @@ class Stepper:
         """Whether stages are solved for by iteration, so that the cost of a step depends on its size."""
         return self._compiled(self._first_solver).iterates
 
-    def start(self, y0: Any = None, *, h: float | str, t0: float = 0.0) -> State:
+    def start(self, y0: object = None, *, h: float | str, t0: float = 0.0) -> State:
         """Start a run.
 
         Args:
@@ -213,7 +213,7 @@ class Stepper:
         if o_every and (not observer or o_rows is None):
             raise IntegratorError("observer must be the address of a function, with o_rows, where o_every is given")
 
-        def stored(n: int) -> tuple[Any, ...]:
+        def stored(n: int) -> tuple[object, ...]:
             rows = rows_from(y_every, y_rows, y_times, n, first)
             return observer, *rows, *rows_from(o_every, o_rows, o_times, n, first)
 
@@ -248,7 +248,7 @@ class Stepper:
         if made < times:
             raise IntegratorError(f"steps must be so few that all can be made, but {steps} could not")
 
-    def _make(self, state: State, steps: int, stored: Callable[[int], tuple[Any, ...]]) -> None:
+    def _make(self, state: State, steps: int, stored: Callable[[int], tuple[object, ...]]) -> None:
         """Make steps, with a change of solver if needed; `stored` maps n to the last arguments of `recorded`."""
         while steps > 0:
             before = state.copy()
@@ -257,7 +257,7 @@ class Stepper:
             steps -= self._go_back(state, before, steps)
             self._change_solver(state)
 
-    def _run(self, state: State, steps: int, stored: tuple[Any, ...] = NOTHING) -> bool:
+    def _run(self, state: State, steps: int, stored: tuple[object, ...] = NOTHING) -> bool:
         """Make steps, with the last arguments of `recorded`; whether all succeeded with finite numbers."""
         code = self._compiled(state.solver).code  # kept while it runs
         made = _loop("recorded", RECORDED)(
@@ -280,7 +280,7 @@ class Stepper:
             check_end(state.t0, state.h, state.n + steps)
         return steps
 
-    def _arrays(self, state: State) -> tuple[Any, Any]:
+    def _arrays(self, state: State) -> tuple[Pointer, Pointer]:
         """The numbers in compiled steps that depend on h only, and memory for work arrays."""
         key, source = (state.h, state.solver), self._compiled(state.solver)
         numbers = self._known_numbers.get(key)
@@ -340,12 +340,12 @@ def stepper(
     method: Method | str,
     scene: Scene,
     *,
-    parts: Mapping[str, Any] | None = None,
+    parts: Parts | None = None,
     compensated: bool = True,
     split: bool = True,
     solver: str = "auto",
     average_nodes: int | None = None,
-    control: Any = None,
+    control: object = None,
 ) -> Stepper:
     """Compile steps of a method on a scene.
 
@@ -390,15 +390,19 @@ def stepper(
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
     formula = None if control is None else read_control(control, scene)
     options = Options(solver, compensated, split, average_nodes, formula)
-    return _stepper(scene, scene.name, method, parts_key(parts), options)
+    return kept_stepper(scene, scene.name, method, parts_key(parts), options)
+
+
+PartsKey: TypeAlias = tuple[tuple[str, str | tuple[str, ...]], ...]
 
 
 @lru_cache(maxsize=256)
-def _stepper(scene: Scene, name: str, method: Any, parts: Any, options: Options) -> Stepper:
+def kept_stepper(scene: Scene, name: str, method: Method, parts: PartsKey | None, options: Options) -> Stepper:
+    """The stepper; the last ones that were made are kept."""
     return Stepper(scene, method, None if parts is None else dict(parts), options)
 
 
-def parts_key(parts: Any) -> Any:
+def parts_key(parts: Parts | None) -> PartsKey | None:
     """The argument `parts` of `stepper` as a hashable key."""
     if parts is None:
         return None
@@ -409,7 +413,7 @@ def parts_key(parts: Any) -> Any:
     raise IntegratorError(f"parts must map the method's parts to names of blocks or parts, but was {shown(parts)}")
 
 
-def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) -> None:
+def check_rows(rows: np.ndarray | None, times: np.ndarray | None, count: int, width: int | None, name: str) -> None:
     """Refuse arrays too small or of the wrong kind for compiled code to write to."""
     for array, dimensions, argument in ((rows, 2, f"{name}_rows"), (times, 1, f"{name}_times")):
         if array is None:
@@ -425,20 +429,20 @@ def check_rows(rows: Any, times: Any, count: int, width: int | None, name: str) 
             )
 
 
-def rows_from(every: int, rows: Any, times: Any, n: int, first: int) -> tuple[Any, ...]:
+def rows_from(every: int, rows: np.ndarray | None, times: np.ndarray | None, n: int, first: int) -> tuple[object, ...]:
     """Arguments of `recorded`: store each `every`-th step after step n in arrays that begin after step `first`."""
     row = n // every - first // every if every else 0
     places = (None if array is None else data(array[row:]) for array in (rows, times))
     return every, next(places), 0 if rows is None else rows.shape[1], next(places), times is not None
 
 
-def _pointers(state: State) -> list[Any]:
+def _pointers(state: State) -> list[Pointer]:
     """The data of a state, as arguments of steps."""
     return [data(array) for array in (state.values, state.carry, state.memory, state.control)]
 
 
 @cache
-def _loop(name: str, prototype: Any) -> Any:
+def _loop(name: str, prototype: object) -> Any:
     """A loop over steps (see `integrators.steppers.recording`)."""
     path = source_of("integrators.steppers.recording")
     return c_function(path.read_text(encoding="utf-8"), name, helpers=HELPERS).function(prototype)

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias, cast
 
 import sympy
 
-from integrators.compile.printer import ModuleText
+from integrators.compile.printer import Assign, ModuleText
 from integrators.compile.scene_source import INDICES, field_lines, gathered
 from integrators.core.immutable import cached_method
 from integrators.scenes.model.system import VALUE, Argument, LocalTerm, Output, Place, System, output_formula
@@ -260,10 +260,11 @@ def jacobian_lines(terms: Iterable[LocalTerm], outputs: Outputs, dimension: int,
 
     lines = [f"for i in range({dimension**2}):", "    out[i] = 0.0"]
     for total in gathered(terms, entries):
-        targets: dict[tuple[Place, Place], str] = {}
+        statements: dict[tuple[Place, Place], Assign[sympy.Expr]] = {}
         for row, column in sorted(total.outputs):
             strides = Counter({row.role: row.stride * dimension}) + Counter({column.role: column.stride})
             indices = (f"{stride}*{INDICES[role]}" for role, stride in sorted(strides.items()))
-            targets[row, column] = f"out[{' + '.join([str(row.offset * dimension + column.offset), *indices])}] +="
-        lines += total.lines(targets, module)
+            index = " + ".join([str(row.offset * dimension + column.offset), *indices])
+            statements[row, column] = Assign(f"out[{index}]", "+=", total.outputs[row, column])
+        lines += total.lines(statements, module)
     return lines

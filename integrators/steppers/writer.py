@@ -6,7 +6,6 @@ here; averages, flows and implicit stages have files of their own.
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -15,12 +14,14 @@ from typing import TypeAlias
 import numpy as np
 import sympy
 
-from integrators.compile.operation_graph import simplest
-from integrators.compile.printer import ModuleText, indented
+from integrators.compile.operation_graph import is_negative
+from integrators.compile.printer import Assign, ModuleText, indented
+from integrators.exact.arithmetic import simplest
 from integrators.exact.entries import round_entry
 from integrators.exact.expressions import literal
 from integrators.steppers.step_model import Call, Form, Key, Options, Plan, Point
 from integrators.steppers.structure import Diagonal, Functions, Structure, diagonal
+from integrators.steppers.values import Entry, Index, Product, Sum, Value, entry, scaled, shifted, written
 
 HEAD_BITS = 10
 NOTHING = Fraction(1, 10**30)
@@ -39,7 +40,7 @@ class FormWriter:
     Attributes:
         result: The end of the step, for each block.
         in_group: Whether implicit stages are being written, which recompute all points in each iteration.
-        inlined: Stage derivatives that are substituted as text instead of being stored.
+        inlined: Stage derivatives that are substituted instead of being stored.
         reader: The number of the call that is being written; None for other statements.
         readers: The readers of each evaluation.
     """
@@ -48,7 +49,7 @@ class FormWriter:
         self.structure, self.result = structure, plan.result
         self.compensated, self.split = options.compensated, options.split and bool(plan.groups)
         self.in_group = False
-        self.inlined: dict[Key, str] = {}
+        self.inlined: dict[Key, Value] = {}
         self.reader: int | None = None
         self.readers: defaultdict[int, set[int | None]] = defaultdict(set)
         self._points = None if plan.groups else plan.points()  # yet to compute; None if y is needed until the end
@@ -67,15 +68,20 @@ class FormWriter:
         self._ended.clear()
         self._points = None
 
-    def loop(self, block: int, lines: Iterable[str]) -> list[str]:
+    def loop(self, block: int, body: Callable[[Index], Iterable[str]]) -> list[str]:
         """A loop over the entries of a block; a single entry needs none, since loops compile slowly."""
-        body, made = list(lines), list[str]()
+        made: list[str] = []
         for first, end in self.structure.blocks[block]:
             if end - first == 1:
-                made += [re.sub(r"\bi\b", str(first), line) for line in body]
+                made += body(first)
             else:
-                made += [f"for i in range({first}, {end}):", *indented(body)]
+                made += [f"for i in range({first}, {end}):", *indented(body("i"))]
         return made
+
+    def assignments(self, block: int, statements: Iterable[Assign[Value]]) -> list[str]:
+        """A loop that assigns values to entries of arrays."""
+        made = list(statements)
+        return self.loop(block, lambda i: [f"{entry(x.target, i)} {x.op} {written(x.value, i)}" for x in made])
 
     def point(self, point: Point, array: str, *, copied: bool = False) -> tuple[list[str], str]:
         """Statements that compute a point, and the array that then holds it: the given one unless y does.
@@ -97,11 +103,11 @@ class FormWriter:
             return lines, "y"
         for block, form in point:
             if self._content.get((array, block)) != form:
-                body = [f"{array}[i] = {self.entry(block, form, array)}"]
+                body = [Assign(array, "=", self.value(block, form, array))]
                 if self.compensated and form.terms and _rest(form, self.result[block]):  # the end extends this sum
-                    body.append(f"d[i] = {tidy(self._extended(block, form))}")
+                    body.append(Assign("d", "=", self._extended(block, form)))
                     self._sums[block] = form
-                lines += self.loop(block, body)
+                lines += self.assignments(block, body)
                 self._content[array, block] = form
         return lines, array
 
@@ -120,63 +126,60 @@ class FormWriter:
         if form.is_start or block in self._ended:
             return []
         if not self.compensated:
-            return self.loop(block, [f"y[i] = {self.entry(block, form, 'z')}"])
+            return self.assignments(block, [Assign("y", "=", self.value(block, form, "z"))])
         known = self._sums.get(block)
-        total = "d[i]" if known is not None and known.terms == form.terms else self._extended(block, form)
-        lines = [f"s = {total}", "x = y[i] + fma(h, s, e[i])", "e[i] += fma(h, s, y[i] - x)", "y[i] = x"]
-        return self.loop(block, lines)
+        total = Entry("d") if known is not None and known.terms == form.terms else self._extended(block, form)
 
-    def entry(self, block: int, form: Form, array: str = "") -> str:
-        """The expression for an entry of a form, which extends the content of the array if possible."""
+        def body(i: Index) -> list[str]:
+            y, e = entry("y", i), entry("e", i)
+            return [f"s = {written(total, i)}", f"x = {y} + fma(h, s, {e})", f"{e} += fma(h, s, {y} - x)", f"{y} = x"]
+
+        return self.loop(block, body)
+
+    def value(self, block: int, form: Form, array: str = "") -> Value:
+        """An entry of a form, which extends the content of the array if possible."""
         known = self._content.get((array, block))
         if known == form:
-            return f"{array}[i]"
+            return Entry(array)
         if known is not None and known.start == form.start:
             extended = _rest(known, form)
             if extended:
-                return tidy(f"{array}[i] + {self._scaled(block, extended)}")
-        total = self._scaled(block, form.terms) if form.terms else ""
+                return Sum((Entry(array), self._scaled(block, extended)))
+        total = (self._scaled(block, form.terms),) if form.terms else ()
         if not form.start:
-            return total or "0.0"
+            return Sum(total)
         head = _head(form.start)
         if not self.split or abs(form.start - head) < NOTHING or not head:
-            return tidy(" + ".join(filter(None, (scaled("y[i]", form.start), total))))
-        rest = " + ".join(filter(None, (scaled("y[i]", form.start - head), total)))
-        return tidy(f"{scaled('y[i]', head)} + ({rest})")
+            return Sum((scaled(Entry("y"), form.start), *total))
+        return Sum((scaled(Entry("y"), head), Sum((scaled(Entry("y"), form.start - head), *total))))
 
-    def _scaled(self, block: int, terms: Sequence[tuple[int, Fraction]]) -> str:
+    def _scaled(self, block: int, terms: Sequence[tuple[int, Fraction]]) -> Value:
         """h Σ x_e k_e; with a single term h x_e is rounded once."""
         if len(terms) == 1 and not self.split:
             e, x = terms[0]
-            return f"{'h' if x > 0 else '-h'}*{self._product(block, (e, abs(x)))}"
-        return f"h*({self.sum(block, terms)})"
+            return Product("h", self._product(block, (e, abs(x))), negative=x < 0)
+        return Product("h", self.sum(block, terms))
 
-    def _extended(self, block: int, form: Form) -> str:
+    def _extended(self, block: int, form: Form) -> Value:
         """Σ x_e k_e, from the content of d if possible."""
         known = self._sums.get(block)
         rest = () if known is None else _rest(known, form)
-        return tidy(f"d[i] + {self.sum(block, rest)}") if rest else self.sum(block, form.terms)
+        return Sum((Entry("d"), *self.sum(block, rest).terms)) if rest else self.sum(block, form.terms)
 
-    def sum(self, block: int, terms: Sequence[tuple[int, Fraction]]) -> str:
+    def sum(self, block: int, terms: Sequence[tuple[int, Fraction]]) -> Sum:
         """Σ x_e k_e."""
         if not self.split:
-            return tidy(" + ".join(self._product(block, term) for term in terms))
+            return Sum(tuple(self._product(block, term) for term in terms))
         heads = [(e, _head(x)) for e, x in terms]
         tails = [(e, x - head) for (e, x), (_, head) in zip(terms, heads, strict=True) if abs(x - head) > NOTHING]
-        parts = [self._product(block, term) for term in heads if term[1]]
-        if tails:
-            parts.append(f"({' + '.join(self._product(block, term) for term in tails)})")
-        return tidy(" + ".join(parts)) or "0.0"
+        rest = (Sum(tuple(self._product(block, term) for term in tails)),) if tails else ()
+        return Sum((*(self._product(block, term) for term in heads if term[1]), *rest))
 
-    def stored_sum(self, terms: Iterable[tuple[int, Fraction]]) -> str:
-        """Σ x_e k_e of stage derivatives in memory, with coefficients in one piece."""
-        return tidy(" + ".join(scaled(f"k{e}[i]", x) for e, x in terms))
-
-    def _product(self, block: int, term: tuple[int, Fraction]) -> str:
+    def _product(self, block: int, term: tuple[int, Fraction]) -> Value:
         """x_e k_e."""
         e, x = term
         self.readers[e].add(self.reader)
-        return scaled(grouped(self.inlined.get((e, block), f"k{e}[i]")), x)
+        return scaled(self.inlined.get((e, block), Entry(f"k{e}")), x)
 
 
 def _rest(known: Form, form: Form) -> tuple[tuple[int, Fraction], ...]:
@@ -189,21 +192,6 @@ def _rest(known: Form, form: Form) -> tuple[tuple[int, Fraction], ...]:
 def _head(x: Fraction) -> Fraction:
     """A coefficient rounded to few bits."""
     return Fraction(round(x * 2**HEAD_BITS), 2**HEAD_BITS)
-
-
-def scaled(text: str, x: Fraction) -> str:
-    """The text of a number times an expression."""
-    return text if x == 1 else f"-{text}" if x == -1 else f"{round_entry(x)!r}*{text}"
-
-
-def grouped(text: str) -> str:
-    """The text in parentheses if it is no factor."""
-    return f"({text})" if " " in re.sub(r"\[.*?\]", "", text) or text.startswith("-") else text
-
-
-def tidy(text: str) -> str:
-    """Replace + - by - in a text."""
-    return text.replace("+ -", "- ")
 
 
 class StepWriter:
@@ -294,8 +282,8 @@ def field_call_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
     if len(call.blocks) == 1 and (call.evaluation, call.blocks[0]) in writer.once and forms.in_group:
         chosen = scaling[call.blocks[0]]
         assert chosen is not None  # ensured by read_once
-        text = forms.entry(chosen.source, dict(point)[chosen.source])
-        forms.inlined[call.evaluation, call.blocks[0]] = _scaled(chosen, text, writer)
+        value = forms.value(chosen.source, dict(point)[chosen.source])
+        forms.inlined[call.evaluation, call.blocks[0]] = _scaled(chosen, value, writer)
         return []
     lines, at = forms.point(point, "z")
     others = []
@@ -303,11 +291,11 @@ def field_call_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
         if chosen is None:
             others.append(block)
             continue
-        text = _scaled(chosen, f"{at}[i]", writer)
+        value = _scaled(chosen, Entry(at), writer)
         if (call.evaluation, block) in writer.once:
-            forms.inlined[call.evaluation, block] = text
+            forms.inlined[call.evaluation, block] = value
         else:
-            lines += forms.loop(block, [f"{target}[i] = {text}"])
+            lines += forms.assignments(block, [Assign(target, "=", value)])
     if others:
         lines.append(f"{writer.functions.field(piece, others)}({at}, {target})")
     return lines
@@ -347,15 +335,16 @@ def resolvent_lines(call: Call, target: str, writer: StepWriter) -> list[str]:
         lines.append(f"subtract_from_identity({matrix}, {n}, h*{round_entry(own)!r})")
         lines.append(f"factorize({matrix}, {pivots}, {n})")
     for block, form in right:
-        lines += writer.forms.loop(block, [f"{target}[i] = {writer.forms.sum(block, form.terms) or '0.0'}"])
+        lines += writer.forms.assignments(block, [Assign(target, "=", writer.forms.sum(block, form.terms))])
     return [*lines, f"solve({matrix}, {pivots}, {n}, {target})"]
 
 
-def _scaled(chosen: Diagonal, text: str, writer: StepWriter) -> str:
-    """Entry i of a diagonal piece, where the text stands for y[i]."""
-    moved = text.replace("[i]", f"[i - {chosen.shift}]" if chosen.shift > 0 else f"[i + {-chosen.shift}]")
+def _scaled(chosen: Diagonal, value: Value, writer: StepWriter) -> Value:
+    """An entry of a diagonal piece, where the value is that of y."""
+    moved = shifted(value, -chosen.shift)
     if chosen.factors == (1,):
         return moved
     if len(chosen.factors) == 1:
-        return f"{literal(simplest(chosen.factors[0]))}*{grouped(moved)}"
-    return f"{writer.constants(chosen.factors)}[i - {chosen.first}]*{grouped(moved)}"
+        number = simplest(chosen.factors[0])
+        return Product(literal(abs(number)), moved, negative=is_negative(number))
+    return Product(Entry(writer.constants(chosen.factors), -chosen.first), moved)

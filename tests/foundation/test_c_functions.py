@@ -22,6 +22,7 @@ from foundation import machine_code
 from foundation.machine_code import CHECKSUM, MachineCode, ObjectCode, c_address, c_function
 from integrators.compile import c_functions
 from integrators.core.immutable import cached_method
+from integrators.runs.observers import observer_codes
 from integrators.steppers import stepping
 
 ROOT = Path(__file__).parents[2]
@@ -190,7 +191,7 @@ def test_the_code_of_fifty_scenes_is_freed(directory):
 
 def forget():
     """Drop the steppers and observers that are kept for later calls."""
-    for cache in (stepping._stepper, bs.integrate.__globals__["observers"].__globals__["_c_functions"]):
+    for cache in (stepping.kept_stepper, observer_codes):
         cache.cache_clear()
 
 
@@ -211,12 +212,20 @@ def test_the_engine_goes_with_the_code(directory, made):
 
 
 @pytest.mark.slow
-def test_a_run_keeps_its_code_while_all_else_forgets_it(directory):
+def test_a_run_keeps_its_code_while_all_else_forgets_it(directory, monkeypatch):
+    compiled, codes = stepping.compile_step, []
+
+    def recorded(*arguments):
+        source = compiled(*arguments)
+        codes.append(weakref.ref(source.code))
+        return source
+
+    monkeypatch.setattr(stepping, "compile_step", recorded)
     scene = oscillator(2000)
     expected = bs.integrate("rk4", scene, h=0.001, steps=200_000, save_every=None).y[:, -1]
     made = stepping.Stepper(scene, bs.method("rk4"), None, stepping.Options("auto", True, True, None, None))
-    stepping._stepper.cache_clear()
-    state, code = made.start(h=0.001), weakref.ref(made._compiled("fixed-point").code)
+    stepping.kept_stepper.cache_clear()
+    state, code = made.start(h=0.001), codes[-1]
 
     def run(stepper):
         for _ in range(200):
@@ -229,7 +238,7 @@ def test_a_run_keeps_its_code_while_all_else_forgets_it(directory):
         gc.collect()
         for k in range(3):
             bs.integrate("rk4", oscillator(3000 + k), h=0.01, steps=10)
-        stepping._stepper.cache_clear()
+        stepping.kept_stepper.cache_clear()
     thread.join()
     del thread
     gc.collect()

@@ -22,7 +22,7 @@ from bseries.advice.predictions.perturbation_run import PerturbationRun, perturb
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
 from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
-from bseries.exceptions import SeriesError
+from foundation.errors import BSeriesError
 from integrators.core.arguments import check_end
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive, step_count
@@ -181,7 +181,7 @@ def _expected_errors(
             solution = expected_solution_error(scene, run, energy)
     except StepError as error:
         return both(None, f"the solution could not be computed beyond t = {error.t:.3g}")
-    except (IntegratorError, SeriesError) as error:
+    except BSeriesError as error:
         return both(None, str(error))
     return energy, solution, run.powers, min(1.0, float(run.t[-1] / span))
 

@@ -9,6 +9,7 @@ from functools import cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from foundation.errors import similar
 from foundation.table import Column, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError
@@ -162,7 +163,7 @@ def _check_entry(entry: MethodEntry) -> None:
 REGISTER = Register(__package__ or "", "METHODS", GROUP, MethodEntry, _check_entry)
 
 
-def method(name: str, /, **parameters: Any) -> Method:
+def method(name: str, /, **parameters: object) -> Method:
     """Build a method of the catalogue.
 
     Args:
@@ -236,14 +237,12 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
 
 def _miss(name: str, key: str) -> str:
     """The error message for an unknown name; it suggests names that contain it, then names with similar spelling."""
-    from difflib import get_close_matches
-
     near: dict[str, str] = {}
     if 1 < len(key) <= 60:
         index = REGISTER.index
         found = [filed for filed in index if key in filed]
-        found += get_close_matches(key, index, n=3, cutoff=0.6)
-        found += get_close_matches(key.rstrip(_DIGITS), index, n=2, cutoff=0.75)
+        found += similar(key, index)
+        found += similar(key.rstrip(_DIGITS), index, 2, 0.75)
         for entry, alias in map(index.__getitem__, found):
             near.setdefault(entry.name, alias + "{s}" * entry.is_family)
     hint = f"; the nearest are {', '.join(list(near.values())[:4])}" if near else ""

@@ -11,7 +11,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 from sys import float_info
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shorten
@@ -29,6 +29,10 @@ LARGEST_DENOMINATOR = 10**6
 LITERAL = re.compile(r"(?<![\w.])(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 
 
+Arrays: TypeAlias = tuple[Any, Any, Any, Any]
+"""The stage matrix, weights, nodes or None, and rows of embedded weights, as nested lists."""
+
+
 class Format(NamedTuple):
     """The text and the objects of one package."""
 
@@ -37,8 +41,7 @@ class Format(NamedTuple):
     title: str  # a pattern of the name of the method in the text
     names: Sequence[str]  # the names of the arrays in the text
     write: Callable[[RungeKutta], str]
-    # stage matrix, weights, nodes and rows of embedded weights from the arrays; the nodes may be None
-    tableau: Callable[[Mapping[str, Any]], tuple[Any, Any, Any, Any]]
+    tableau: Callable[[Mapping[str, Any]], Arrays]
     prepare: Callable[[str], str] = str  # rewrites text without assignments
 
 
@@ -64,7 +67,7 @@ class Numbers(NamedTuple):
             return self.quotient.format(value.numerator, value.denominator)
         return repr(round_entry(value))
 
-    def row(self, values: Iterable[Any], digits: int | None, separator: str = ", ") -> str:
+    def row(self, values: Iterable[object], digits: int | None, separator: str = ", ") -> str:
         """Entries, one behind the other."""
         return separator.join(self.text(value, digits) for value in values)
 
@@ -74,7 +77,7 @@ def rounded(method: RungeKutta) -> RungeKutta:
     return method.to_float() if method.domain == "algebraic" else method
 
 
-def header(method: RungeKutta, package: str, embedded: Any = None, *, order: int = 0, rounds: bool = True) -> str:
+def header(method: RungeKutta, package: str, embedded: object = None, *, order: int = 0, rounds: bool = True) -> str:
     """The text of the first comment, with what had no place; by default, embedded weights beyond the first row."""
     count = len(method.embedded)
     if embedded is None:
@@ -123,7 +126,7 @@ ROW_SUMS = "consistent, with nodes that are the row sums,"
 """What packages need that replace nodes by row sums."""
 
 
-def square(values: Any, stages: int) -> Any:
+def square(values: object, stages: int) -> Any:
     """A stage matrix given by rows, as one long list, or as a number."""
     if not isinstance(values, list):
         return [[values]]
@@ -134,7 +137,7 @@ def square(values: Any, stages: int) -> Any:
     return [values[i * stages : (i + 1) * stages] for i in range(stages)]
 
 
-def vector(values: Any) -> Any:
+def vector(values: object) -> Any:
     """A row of entries, also of one."""
     return values if isinstance(values, list) else [values]
 
@@ -164,7 +167,7 @@ class Entries:
         """Known significant digits; None if all entries are exact."""
         return min(self.known, default=None)
 
-    def read(self, values: Any, name: str) -> Any:
+    def read(self, values: object, name: str) -> Any:
         """Nested lists of entries."""
         values = as_lists(values)
         if isinstance(values, list | tuple):
@@ -202,14 +205,14 @@ PRINTED = r"^[ \t]*([Acbd])[ \t]*=([^=;{}]*?)(?=^[ \t]*[cbd][ \t]*=|\Z)"
 
 
 def _by_name(
-    arrays: Mapping[str, Any], A: str, b: str, c: str, embedded: str = "", *, is_c_needed: bool = True
-) -> tuple[Any, Any, Any, Any]:
+    arrays: Mapping[str, object], A: str, b: str, c: str, embedded: str = "", *, is_c_needed: bool = True
+) -> Arrays:
     """The tableau whose arrays have these names; embedded weights may be missing."""
     weights, nodes = vector(arrays[b]), arrays[c] if is_c_needed else arrays.get(c)
     return square(arrays[A], len(weights)), weights, nodes, [arrays[embedded]] if embedded in arrays else None
 
 
-def _rows(numbers: Numbers, rows: Iterable[Sequence[Any]], digits: int | None, indent: str) -> str:
+def _rows(numbers: Numbers, rows: Iterable[Sequence[object]], digits: int | None, indent: str) -> str:
     """The rows of a matrix, one on each line."""
     lines = (f"{indent}    [{numbers.row(row, digits)}],\n" for row in rows)
     return f"[\n{''.join(lines)}{indent}]"
@@ -241,7 +244,7 @@ def _write_diffrax(method: RungeKutta) -> str:
     require(method, "diffrax", holds=not method.issues, what=ROW_SUMS)
     shown = rounded(method)
 
-    def array(values: Iterable[Any]) -> str:
+    def array(values: Iterable[object]) -> str:
         return f"np.array([{PYTHON_DOUBLES.row(values, shown.digits)}])"
 
     error = combined(shown.b, shown.embedded[0], -1) if shown.embedded else [shown.b[0] * 0] * shown.stages
@@ -269,7 +272,7 @@ from diffrax import ButcherTableau
 """
 
 
-def _diffrax_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+def _diffrax_tableau(arrays: Mapping[str, Any]) -> Arrays:
     b, c = vector(arrays["b_sol"]), vector(arrays["c"])
     stages = len(b)
     diagonal = arrays.get("a_diagonal") or [0] * stages
@@ -311,7 +314,7 @@ class {"".join(part.capitalize() for part in identifier(method.name).split("_"))
 """
 
 
-def _scipy_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+def _scipy_tableau(arrays: Mapping[str, Any]) -> Arrays:
     A, b, c = square(arrays["A"], len(vector(arrays["B"]))), vector(arrays["B"]), vector(arrays["C"])
     rows = arrays.get("E", [])
     differences = rows if rows and isinstance(rows[0], list) else [rows]
@@ -324,7 +327,7 @@ def _scipy_tableau(arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
     return A, b, c, [combined(b, row[:stages], 1) for row in differences]
 
 
-def _matrix(rows: Sequence[Sequence[Any]], digits: int | None) -> str:
+def _matrix(rows: Sequence[Sequence[object]], digits: int | None) -> str:
     """A matrix; of one entry, with the two semicolons that tell it from a vector."""
     if len(rows) == 1:
         return f"[{JULIA_NUMBERS.row(rows[0], digits)};;]"
@@ -374,7 +377,7 @@ c = Float64[{JULIA_NUMBERS.row(shown.c, digits)}]
 """
 
 
-def _braces(values: Iterable[Any], digits: int | None) -> str:
+def _braces(values: Iterable[object], digits: int | None) -> str:
     return f"{{{C_DOUBLES.row(values, digits)}}}"
 
 

@@ -16,7 +16,7 @@ from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
-from integrators.methods.exchange.formats import FORMATS, Entries, Format, plain_format
+from integrators.methods.exchange.formats import FORMATS, Arrays, Entries, Format, plain_format
 from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
@@ -69,7 +69,7 @@ def export_tableau(method: Method | str, format: str) -> str:
 
 
 def import_tableau(
-    source: Any, format: str | None = None, name: str | None = None, *, fractions: bool = False,
+    source: object, format: str | None = None, name: str | None = None, *, fractions: bool = False,
     digits: int | None = None,
 ) -> RungeKutta:  # fmt: skip
     """The method of a tableau in the text or the objects of another package.
@@ -132,7 +132,7 @@ def import_tableau(
     return method
 
 
-def _format(name: Any) -> Format:
+def _format(name: object) -> Format:
     if not isinstance(name, str) or name.lower() not in FORMATS:
         raise IntegratorError(f"format must be one of {', '.join(FORMATS)}, but was {shown(name)}")
     return FORMATS[name.lower()]
@@ -156,7 +156,7 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
     return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
 
 
-def _known(source: Any) -> RungeKutta | None:
+def _known(source: object) -> RungeKutta | None:
     """The method of a class from `scipy_solver`, or of SciPy's ``Radau``, which has no tableau of its own."""
     integrate = loaded_module("scipy.integrate")
     if integrate is not None and source is integrate.Radau:
@@ -182,20 +182,20 @@ def _of_object(source: Any, format: str | None) -> tuple[Format, Mapping[str, An
     return form, {key: value for key, value in values.items() if value is not None}, title
 
 
-def _built(form: Format, arrays: Mapping[str, Any], name: str | None, entries: Entries) -> RungeKutta:
+def _built(form: Format, arrays: Mapping[str, object], name: str | None, entries: Entries) -> RungeKutta:
     """The method of arrays."""
     _tableau(form, {key: _zeros(values) for key, values in arrays.items()})  # shapes first: entries take long to read
     A, b, c, embedded = _tableau(form, {key: entries.read(values, key) for key, values in arrays.items()})
     return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
 
 
-def _zeros(values: Any) -> Any:
+def _zeros(values: object) -> Any:
     """Nested lists of zeros in place of values."""
     values = as_lists(values)
     return [_zeros(value) for value in values] if isinstance(values, list | tuple) else Fraction(0)
 
 
-def _tableau(form: Format, arrays: Mapping[str, Any]) -> tuple[Any, Any, Any, Any]:
+def _tableau(form: Format, arrays: Mapping[str, object]) -> Arrays:
     """Stage matrix, weights, nodes and embedded weights from arrays; refused if their shapes do not fit."""
     try:
         A, b, c, embedded = form.tableau(arrays)

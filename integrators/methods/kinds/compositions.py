@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import reduce
 from math import prod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from integrators.core.arguments import is_listed, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -27,7 +27,7 @@ from integrators.methods.programs.program import (
 MAX_STEPS = 1000
 
 
-def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program | Splitting:
+def composition(steps: Iterable[tuple[Method, object]], *, name: str | None = None) -> Program | Splitting:
     """Composition of methods, each with a fraction of the step.
 
     Args:
@@ -55,7 +55,9 @@ def composition(steps: Iterable[tuple[Method, Any]], *, name: str | None = None)
     return _composed(steps, name)
 
 
-def _composed(steps: Iterable[tuple[Method, Any]], name: str | None, digits: int | None = None) -> Program | Splitting:
+def _composed(
+    steps: Iterable[tuple[Method, object]], name: str | None, digits: int | None = None
+) -> Program | Splitting:
     """The composition, whose fractions have this number of correct digits (None: exact)."""
     pairs = _read_pairs(steps, "steps", "fraction")
     methods = [method for method, _ in pairs]
@@ -110,7 +112,7 @@ def repeat(method: Method, count: int, *, name: str | None = None) -> Program | 
     return RepeatedProgram(method.program, count, name)
 
 
-def linear_combination(terms: Iterable[tuple[Method, Any]], *, name: str | None = None) -> Program:
+def linear_combination(terms: Iterable[tuple[Method, object]], *, name: str | None = None) -> Program:
     """Weighted mean of the results of several methods, y1 = Σ_j w_j Φ^j_h(y0).
 
     Args:
@@ -217,7 +219,7 @@ def _names(methods: Iterable[Method]) -> str:
     return shorten(", ".join(method.name for method in methods))
 
 
-def _read_pairs(pairs: Any, argument: str, number: str) -> list[tuple[Method, Entry]]:
+def _read_pairs(pairs: object, argument: str, number: str) -> list[tuple[Method, Entry]]:
     """The methods and numbers of a sequence of pairs, all with the same parts."""
     read: list[tuple[Method, Entry]] = []
     for i, pair in enumerate(items(pairs, argument), 1):
@@ -236,7 +238,7 @@ def _read_pairs(pairs: Any, argument: str, number: str) -> list[tuple[Method, En
     return read
 
 
-def _read_method(method: Any, argument: str) -> Method:
+def _read_method(method: object, argument: str) -> Method:
     if not isinstance(method, Method):
         raise IntegratorError(f"{argument} must be a method, but was {shown(method)}")
     return method
@@ -292,7 +294,7 @@ def suzuki_fractal(method: Method, order: int, *, name: str | None = None) -> Pr
     return _steps_around_a_remainder(method, order, 2, name or f"Suzuki's fractal of {_name(method)}")
 
 
-def _steps_around_a_remainder(method: Method, order: Any, count: int, name: str) -> Program | Splitting:
+def _steps_around_a_remainder(method: Method, order: object, count: int, name: str) -> Program | Splitting:
     """Steps γh, `count` times before and after the remainder to h, with γ = 1/(m − m^(1/(p+1))), m = 2 · count.
 
     γ is written as Σ_k m^(p−k) x^k / (m^(p+1) − m) with x = m^(1/(p+1)), a normal form with a rational denominator.
@@ -386,7 +388,7 @@ def adjoint_composition(method: Method, splitting: Splitting, *, name: str | Non
     return _composed(alternating, name or f"{splitting.name} of {_name(method)}", splitting.digits)
 
 
-def _name(method: Any) -> str:
+def _name(method: object) -> str:
     return shorten(str(getattr(method, "name", method)))
 
 

@@ -47,7 +47,7 @@ class TwoDerivativeRungeKutta(ProgramMethod):
     b: EntryRow
     b_hat: EntryRow
 
-    def __init__(self, A: Any, A_hat: Any, b: Any, b_hat: Any, **labels: Unpack[Labels]) -> None:
+    def __init__(self, A: object, A_hat: object, b: object, b_hat: object, **labels: Unpack[Labels]) -> None:
         self._set(read.read_stages({"b": b, "b_hat": b_hat}, {"A": A, "A_hat": A_hat}, labels), **labels)
 
     def _lower(self, builder: ProgramBuilder) -> LinearForm:
@@ -90,7 +90,7 @@ class ContinuousStageRungeKutta(ProgramMethod):
     M: Matrix
     B: EntryRow
 
-    def __init__(self, M: Any, B: Any = None, **labels: Unpack[Labels]) -> None:
+    def __init__(self, M: object, B: object = None, **labels: Unpack[Labels]) -> None:
         symbols, rows = tuple(labels.get("parameters", ())), items(M, "M")
         columns = len(items(rows[0], "M[1]")) if rows else 0
         matrix = read.read_matrix(rows, "M", symbols, rows=max(len(rows), 1), columns=columns)
@@ -141,7 +141,7 @@ class GeneralizedAdditiveRungeKutta(ProgramMethod):
     b: tuple[EntryRow, ...]
 
     def __init__(
-        self, A: Mapping[str, Mapping[str, Any]], b: Mapping[str, Any], **labels: Unpack[Labels]
+        self, A: Mapping[str, Mapping[str, object]], b: Mapping[str, object], **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
         if not isinstance(b, Mapping):
             raise IntegratorError(f"b must map names of parts to weights, but was {shown(b)}")
@@ -296,11 +296,11 @@ class Rosenbrock(ProgramMethod):
     _parts: tuple[str | None, str | None] = (None, None)
     """The part of the field and the part of the Jacobian."""
 
-    def __init__(self, alpha: Any, gamma: Any, b: Any, **labels: Unpack[Labels]) -> None:
+    def __init__(self, alpha: object, gamma: object, b: object, **labels: Unpack[Labels]) -> None:
         self._set(self._read(alpha, gamma, b, labels), **labels)
 
     @staticmethod
-    def _read(alpha: Any, gamma: Any, b: Any, labels: Labels) -> dict[str, Any]:
+    def _read(alpha: object, gamma: object, b: object, labels: Labels) -> dict[str, Any]:
         coefficients = read.read_stages({"b": b}, {"alpha": alpha, "gamma": gamma}, labels)
         _check_triangular(coefficients, "alpha", strictly=True)
         _check_triangular(coefficients, "gamma", strictly=False)
@@ -382,7 +382,7 @@ class WMethod(Rosenbrock):
     """
 
     def __init__(
-        self, alpha: Any, gamma: Any, b: Any, *, parts: Sequence[str] = ("f", "W"), **labels: Unpack[Labels]
+        self, alpha: object, gamma: object, b: object, *, parts: Sequence[str] = ("f", "W"), **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
         names = read.read_parts(parts, count=2)
         self._set(self._read(alpha, gamma, b, labels), parts=names, **labels)
@@ -400,7 +400,7 @@ def _check_triangular(coefficients: Mapping[str, Any], key: str, *, strictly: bo
                 raise IntegratorError(f"{key} must be {shape}, but {key}[{i + 1}][{j + 1}] was {row[j]!s:.60}")
 
 
-def _row_times(row: Sequence[Any], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
+def _row_times(row: Sequence[object], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
     """A row vector times a matrix; entries beyond the last row of the matrix are ignored."""
     columns = zip(*matrix, strict=True)
     return [sum_entries(multiply_entries(x, y) for x, y in zip(row, column, strict=False)) for column in columns]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Unpack
+from typing import Unpack
 
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, EntryRow, Matrix, read_entry
@@ -57,8 +57,8 @@ class RungeKuttaNystrom(ProgramMethod):
     A: Matrix | None
 
     def __init__(
-        self, A_bar: Any, b_bar: Any, b: Any, c: Any, *, A: Any = None, parts: Sequence[str] = ("p", "q"),
-        **labels: Unpack[Labels],
+        self, A_bar: object, b_bar: object, b: object, c: object, *, A: object = None,
+        parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels],
     ) -> None:  # fmt: skip
         coefficients = read.read_stages({"b": b, "b_bar": b_bar, "c": c}, {"A_bar": A_bar, "A": A}, labels)
         self._set(coefficients, parts=read.read_parts(parts, count=2), **labels)
@@ -118,7 +118,8 @@ class ForceGradient(ProgramMethod):
     gradients: EntryRow
 
     def __init__(
-        self, drifts: Any, kicks: Any, gradients: Any, *, parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels]
+        self, drifts: object, kicks: object, gradients: object, *, parts: Sequence[str] = ("p", "q"),
+        **labels: Unpack[Labels],
     ) -> None:  # fmt: skip
         labels["parameters"] = tuple(labels.get("parameters", ()))
         coefficients = read.read_stages({"kicks": kicks, "gradients": gradients}, {}, labels)
@@ -185,7 +186,7 @@ class TakahashiImada(ProgramMethod):
     simplified: bool
 
     def __init__(
-        self, alpha: Any = "1/12", *, simplified: bool = False, parts: Sequence[str] = ("p", "q"),
+        self, alpha: object = "1/12", *, simplified: bool = False, parts: Sequence[str] = ("p", "q"),
         parameters: Iterable[str] = (), name: str | None = None, reference: str | None = None,
     ) -> None:  # fmt: skip
         if not isinstance(simplified, bool):

@@ -61,8 +61,9 @@ class Splitting(ProgramMethod):
     flows: tuple[tuple[str, Entry], ...]
 
     def __init__(
-        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] | None = None, parameters: Iterable[str] = (),
-        name: str | None = None, reference: str | None = None, digits: int | None = None,
+        self, flows: Iterable[tuple[str, object]], *, parts: Sequence[str] | None = None,
+        parameters: Iterable[str] = (), name: str | None = None, reference: str | None = None,
+        digits: int | None = None,
     ) -> None:  # fmt: skip
         symbols = tuple(parameters)
         given = items(flows, "flows")
@@ -125,7 +126,7 @@ class NystromSplitting(Splitting):
     """
 
     def __init__(
-        self, flows: Iterable[tuple[str, Any]], *, parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels]
+        self, flows: Iterable[tuple[str, object]], *, parts: Sequence[str] = ("p", "q"), **labels: Unpack[Labels]
     ) -> None:  # fmt: skip
         super().__init__(flows, parts=read_parts(parts, count=2), **labels)
 
@@ -162,7 +163,7 @@ def strang(parts: Sequence[str] = ("a", "b")) -> Splitting:
     return Splitting([*there, *there[::-1]], name="strang")
 
 
-def _read_flow(flow: Any, i: int, symbols: Sequence[str]) -> tuple[str, Entry]:
+def _read_flow(flow: object, i: int, symbols: Sequence[str]) -> tuple[str, Entry]:
     if not is_listed(flow) or len(flow) != 2 or not isinstance(flow[0], str):
         raise IntegratorError(f"flows[{i}] must be a part and its coefficient, but was {shown(flow)}")
     return flow[0], read_entry(flow[1], f"flows[{i}]", symbols)

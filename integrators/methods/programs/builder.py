@@ -91,7 +91,7 @@ class ProgramBuilder:
         return self._record(Derivative(self._part(part), *points), into)
 
     def flow(
-        self, at: LinearForm, part: str | None = None, *, time: Any = 1, forcing: Iterable[LinearForm] = (),
+        self, at: LinearForm, part: str | None = None, *, time: object = 1, forcing: Iterable[LinearForm] = (),
         into: LinearForm | None = None,
     ) -> LinearForm:  # fmt: skip
         """The increment of the exact flow over time · h, with a polynomial forcing in θ (see `Flow`)."""
@@ -111,7 +111,7 @@ class ProgramBuilder:
 
     def program(
         self, result: LinearForm, *, name: str | None = None, reference: str | None = None, digits: int | None = None,
-        max_children: Any = None,
+        max_children: object = None,
     ) -> Program:  # fmt: skip
         """The method with a given end of the step.
 
@@ -186,7 +186,7 @@ class ProgramMethod(Method):
     """
 
     def _set(
-        self, coefficients: dict[str, Any], *, parts: Sequence[str] = (), parameters: Iterable[str] = (),
+        self, coefficients: dict[str, object], *, parts: Sequence[str] = (), parameters: Iterable[str] = (),
         name: str | None = None, reference: str | None = None, digits: int | None = None,
     ) -> None:  # fmt: skip
         labels = read_labels(name, reference)
@@ -199,7 +199,7 @@ class ProgramMethod(Method):
         raise NotImplementedError
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.names, self.digits, *self.__dict__["_coefficients"]
 
     @property
@@ -225,7 +225,7 @@ class ProgramMethod(Method):
         return f"<{type(self).__name__} {self.name}: {', '.join(filter(None, (parts, stages)))}>"
 
 
-def read_parts(parts: Any, *, count: int | None = None) -> tuple[str, ...]:
+def read_parts(parts: object, *, count: int | None = None) -> tuple[str, ...]:
     """The names of the parts of a field, checked: `count` different names, or two or more if None."""
     if isinstance(parts, str) or not isinstance(parts, Sequence):
         raise IntegratorError(f"parts must be a sequence of names, but was {shown(parts)}")
@@ -241,7 +241,7 @@ def in_color_order(names: Iterable[str]) -> tuple[str, ...]:
     return ("p", "q") if set(given) == {"p", "q"} else given
 
 
-def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: int | None = None) -> EntryRow:
+def read_row(values: object, argument: str, names: Iterable[str] = (), *, count: int | None = None) -> EntryRow:
     """A row of entries in the symbols `names`: `count` entries, or one or more if None."""
     row = items(values, argument)
     if count is not None and len(row) != count:
@@ -251,7 +251,7 @@ def read_row(values: Any, argument: str, names: Iterable[str] = (), *, count: in
     return tuple(read_entry(value, f"{argument}[{j}]", names) for j, value in enumerate(row, 1))
 
 
-def read_matrix(values: Any, argument: str, names: Iterable[str] = (), *, rows: int, columns: int) -> Matrix:
+def read_matrix(values: object, argument: str, names: Iterable[str] = (), *, rows: int, columns: int) -> Matrix:
     """A matrix of entries, by rows, each read by `read_row`."""
     found = items(values, argument)
     if len(found) != rows:
@@ -259,7 +259,7 @@ def read_matrix(values: Any, argument: str, names: Iterable[str] = (), *, rows: 
     return tuple(read_row(row, f"{argument}[{i}]", names, count=columns) for i, row in enumerate(found, 1))
 
 
-def read_stages(rows: Mapping[str, Any], matrices: Mapping[str, Any], labels: Labels) -> dict[str, Any]:
+def read_stages(rows: Mapping[str, object], matrices: Mapping[str, object], labels: Labels) -> dict[str, Any]:
     """Rows of one length and square matrices of this size, in the symbols among the labels; a matrix may be None."""
     symbols, stages = tuple(labels.get("parameters", ())), None
     read: dict[str, Any] = {}

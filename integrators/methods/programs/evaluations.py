@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
@@ -74,7 +74,7 @@ class LinearForm(ImmutableValue):
     terms: Mapping[int, Entry]
     owner: object | None
 
-    def __init__(self, start: Any = 0, terms: Mapping[int, Any] | None = None) -> None:
+    def __init__(self, start: object = 0, terms: Mapping[int, object] | None = None) -> None:
         read = {e: read_entry(x, f"coefficient of k{e + 1}") for e, x in (terms or {}).items()}
         self._set(read_entry(start, "coefficient of y"), read)
 
@@ -92,7 +92,7 @@ class LinearForm(ImmutableValue):
         return cls.__new__(cls)._set(start, terms, owner)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.start, tuple(self.terms.items())
 
     @property
@@ -100,7 +100,7 @@ class LinearForm(ImmutableValue):
         """All coefficients."""
         return self.start, *self.terms.values()
 
-    def map(self, function: Callable[[Entry], Any]) -> LinearForm:
+    def map(self, function: Callable[[Entry], Entry]) -> LinearForm:
         """The form with a function applied to every coefficient."""
         return self.of_entries(function(self.start), {e: function(x) for e, x in self.terms.items()}, self.owner)
 
@@ -140,14 +140,14 @@ class LinearForm(ImmutableValue):
     __rmul__ = __mul__
 
     def __truediv__(self, number: object) -> LinearForm:
-        divisor: Any = _number(number)
+        divisor = _number(number)
         if divisor == 0:
             raise IntegratorError("number must not be zero to divide by")
         return self * (1 / divisor)
 
     __array_ufunc__ = None  # so that a NumPy number times a form is a form
 
-    def text(self, show: Callable[[Any], str] = format_number) -> str:
+    def text(self, show: Callable[[Entry], str] = format_number) -> str:
         """The form as text, with numbers written by `show`."""
         parts = [(self.start, "y"), *((x, f"k{e + 1}") for e, x in self.terms.items())]
         return " + ".join(_term(x, name, show) for x, name in parts if x != 0).replace("+ -", "- ") or "0"
@@ -159,13 +159,13 @@ class LinearForm(ImmutableValue):
         return f"<LinearForm {self}>"
 
 
-def _number(number: object) -> Any:
+def _number(number: object) -> Entry:
     if isinstance(number, LinearForm):
         raise IntegratorError("number must be a number, but was a linear form: only the field is nonlinear")
     return read_entry(number, "number")
 
 
-def _term(x: Entry, name: str, show: Callable[[Any], str]) -> str:
+def _term(x: Entry, name: str, show: Callable[[Entry], str]) -> str:
     if x in (1, -1):
         return name if x == 1 else f"-{name}"
     text = show(x)

@@ -67,7 +67,7 @@ class Method(ImmutableValue):
         raise NotImplementedError
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return (self.program,)
 
     def to_table(self) -> Table:
@@ -211,7 +211,7 @@ class Program(Method):
     def __init__(
         self, evaluations: Sequence[Evaluation], result: LinearForm, *, parts: Sequence[str] = ("",),
         auxiliary: Sequence[str] = (), name: str | None = None, reference: str | None = None, digits: int | None = None,
-        max_children: Any = None,
+        max_children: object = None,
     ) -> None:  # fmt: skip
         labels = read_labels(name, reference)
         check_digits(digits)
@@ -244,7 +244,7 @@ class Program(Method):
         return {other for form in forms for other in form.terms}
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         # With the domain, since 0.5 equals Fraction(1, 2) but a method in floats is not exact.
         return self.domain, self.names, self.auxiliary, self.evaluations, self.result, self.digits, self.max_children
 
@@ -253,7 +253,7 @@ class Program(Method):
         """The program itself."""
         return self
 
-    def restricted(self, max_children: Any) -> Program:
+    def restricted(self, max_children: object) -> Program:
         """The same method with other bounds, as for `ProgramBuilder.program`, on the children of nodes of trees.
 
         Example:
@@ -429,7 +429,7 @@ ChildBounds: TypeAlias = tuple[tuple[int | None, ...], ...]
 INFINITE = float("inf")
 
 
-def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -> ChildBounds | None:
+def read_child_bounds(bounds: object, parts: int) -> ChildBounds | None:
     """Bounds in normal form: a row for each part, with a last entry for all children if it is a bound.
 
     `bounds` is None (no bound), one number (for all children of every node), or for each part a row with a bound for
@@ -447,8 +447,8 @@ def read_child_bounds(bounds: Any, parts: int, argument: str = "max_children") -
     sizes = parts, parts + 1
     if len(rows) != parts or not all(is_listed(row) and len(row) in sizes and all(map(_is_bound, row)) for row in rows):
         raise IntegratorError(
-            f"{argument} must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each a "
-            f"whole number, 0 or more, or None, but was {shown(bounds)}"
+            f"max_children must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each "
+            f"a whole number, 0 or more, or None, but was {shown(bounds)}"
         )
     read = tuple(tuple(None if bound in (None, INFINITE) else int(bound) for bound in row) for row in rows)
     read = tuple(row[:parts] if row[parts:] == (None,) else row for row in read)
@@ -463,7 +463,7 @@ def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> Chil
     return tuple(tuple(min((x for x in pair if x is not None), default=None) for pair in row) for row in rows)
 
 
-def _is_bound(bound: Any) -> bool:
+def _is_bound(bound: object) -> bool:
     if isinstance(bound, bool) or not isinstance(bound, Real):
         return bound is None
     return bound >= 0 and bound in (INFINITE, bound // 1)  # type: ignore[operator]
@@ -483,15 +483,17 @@ def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], Lin
 
 
 def mapped_program(
-    program: Program, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
+    program: Program, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Entry], Entry] = lambda t: t
 ) -> tuple[tuple[Evaluation, ...], LinearForm]:  # fmt: skip
     """The evaluations and the end of a program with functions applied to linear forms and times of flows."""
     return tuple(mapped(e, function, lengthen) for e in program.evaluations), function(program.result)
 
 
 def mapped(
-    evaluation: Evaluation, function: Callable[[LinearForm], LinearForm], lengthen: Callable[[Any], Any] = lambda t: t
-) -> Evaluation:  # fmt: skip
+    evaluation: Evaluation,
+    function: Callable[[LinearForm], LinearForm],
+    lengthen: Callable[[Entry], Entry] = lambda t: t,
+) -> Evaluation:
     """The evaluation with functions applied to every linear form, and to the time of a flow."""
     made = evaluation._make(
         function(x) if isinstance(x, LinearForm) else tuple(map(function, x)) if isinstance(x, tuple) else x
@@ -510,7 +512,7 @@ def appended(
         return form.substituted(lambda e: LinearForm(0, {first + e: 1}), start)
 
     def place(evaluation: Evaluation) -> Evaluation:
-        moved: Any = mapped(evaluation, renumber)
+        moved = mapped(evaluation, renumber)
         return moved if moved.part is None else moved._replace(part=parts[moved.part])
 
     return [place(evaluation) for evaluation in evaluations], renumber(end)

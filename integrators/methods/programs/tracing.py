@@ -14,14 +14,17 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from inspect import currentframe
 from traceback import walk_stack, walk_tb
-from types import CodeType
-from typing import Any, NoReturn
+from types import CodeType, FunctionType
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required
+from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required, without_axes
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.evaluations import Derivative, Evaluation, Field, Flow, LinearForm
 from integrators.methods.programs.program import MAX_STAGES, Program, mapped
+
+if TYPE_CHECKING:
+    import numpy as np
 
 UNKNOWN = 1_000_000
 """The number of the first unknown; unknowns are terms of forms until they are replaced by their equations."""
@@ -34,8 +37,8 @@ UFUNCS = {"add": operator.add, "subtract": operator.sub, "multiply": operator.mu
 
 
 def trace(
-    step: Callable[..., Any], *, parts: Sequence[str] = (), name: str | None = None, reference: str | None = None,
-    max_children: Any = None,
+    step: Callable[..., object], *, parts: Sequence[str] = (), name: str | None = None, reference: str | None = None,
+    max_children: object = None,
 ) -> Program:  # fmt: skip
     """The method that a step written in Python stands for.
 
@@ -107,7 +110,7 @@ class Recorder:
     def __init__(self, code: CodeType | None, parts: tuple[str, ...]):
         self.code, self.parts = code, parts
         self.evaluations: list[Evaluation] = []
-        self.known: dict[Any, LinearForm] = {}
+        self.known: dict[Evaluation, LinearForm] = {}
         self.equations: list[LinearForm | None] = []
         self.times: list[tuple[LinearForm, Entry, str]] = []
 
@@ -171,7 +174,7 @@ class Recorder:
         """Refuse a time that differs from that of the point, where t′ = 1 is one of the equations."""
         used = [(evaluations[e], x) for e, x in at.terms.items() if isinstance(evaluations[e], Field | Flow)]
         own = sum_entries(multiply_entries(x, e.time) if isinstance(e, Flow) else x for e, x in used)
-        gap: Any = sum_entries((own, multiply_entries(time, Fraction(-1))))
+        gap = sum_entries((own, multiply_entries(time, Fraction(-1))))
         if not (abs(gap) < 1e-14 if isinstance(gap, float) else gap == 0):
             raise IntegratorError(
                 f"f must be called at the time of its point, t + ({own})*h, but {place} calls it at t + ({time})*h"
@@ -190,7 +193,7 @@ class Recorder:
         """Refuse what the present line of the step does."""
         raise IntegratorError(f"step must only add values, take multiples and call f, but {self.place()} {what}")
 
-    def number(self, value: Any) -> Entry | None:
+    def number(self, value: object) -> Entry | None:
         """A number as an entry; floats as the fractions that they stand for; None for what is no number."""
         if isinstance(value, float) and math.isfinite(value):
             near = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
@@ -205,11 +208,6 @@ class Recorder:
             return read_entry(value, "number")
         except IntegratorError:
             return None
-
-
-def without_axes(value: Any) -> Any:
-    """What is in an array without axes; other values unchanged."""
-    return value.item() if hasattr(value, "item") and getattr(value, "shape", None) == () else value
 
 
 class Value:
@@ -239,7 +237,7 @@ class Value:
         """The value itself, which never changes."""
         return self
 
-    def _other(self, other: Any) -> Value | None:
+    def _other(self, other: object) -> Value | None:
         if isinstance(other, Value):
             if other.recorder is not self.recorder:
                 self.recorder.refuse("uses a value of another step")
@@ -247,7 +245,7 @@ class Value:
         number = self.recorder.number(other)
         return None if number is None else Value(number, 0, self.recorder)
 
-    def __add__(self, other: Any) -> Any:
+    def __add__(self, other: object) -> Any:
         if isinstance(other, Time):
             return other + self
         found = self._other(other)
@@ -271,14 +269,14 @@ class Value:
     def __pos__(self) -> Value:
         return self
 
-    def __sub__(self, other: Any) -> Any:
+    def __sub__(self, other: object) -> Any:
         found = self._other(other)
         return NotImplemented if found is None else self + -found
 
-    def __rsub__(self, other: Any) -> Any:
+    def __rsub__(self, other: object) -> Any:
         return -self + other
 
-    def __mul__(self, other: Any) -> Any:
+    def __mul__(self, other: object) -> Any:
         found = self._other(other)
         if found is None:
             return NotImplemented
@@ -292,7 +290,7 @@ class Value:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Any:
+    def __truediv__(self, other: object) -> Any:
         found = self._other(other)
         if found is None:
             return NotImplemented
@@ -302,29 +300,29 @@ class Value:
             self.recorder.refuse("divides by zero")
         return self * Value(1 / found.content, -found.power, self.recorder)
 
-    def __rtruediv__(self, other: Any) -> Any:
+    def __rtruediv__(self, other: object) -> Any:
         found = self._other(other)
         return NotImplemented if found is None else found / self
 
-    def __pow__(self, exponent: Any) -> Any:
+    def __pow__(self, exponent: object) -> Any:
         if not isinstance(exponent, int) or not self.is_scalar or exponent < 0:
             self.recorder.refuse(
                 "takes a power of a state" if not self.is_scalar else f"takes the power {exponent!r} of h"
             )
         if exponent > MOST_POWER:
             self.recorder.refuse(f"takes the power {exponent} of h, beyond {MOST_POWER}")
-        total: Any = Value(Fraction(1), 0, self.recorder)
+        total = Value(Fraction(1), 0, self.recorder)
         for _ in range(exponent):
             total = total * self
         return total
 
-    def _look(self, *_: Any) -> NoReturn:
+    def _look(self, *_: object) -> NoReturn:
         self.recorder.refuse("looks at a value, on which the method must not depend")
 
     __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = _look  # type: ignore[assignment]
     __hash__ = None  # type: ignore[assignment]
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **options: Any) -> Any:
         in_place = options.keys() == {"out"} and options["out"][0] is inputs[0]  # acc += h*f(y), where acc is an array
         if method != "__call__" or ufunc.__name__ not in UFUNCS or (options and not in_place):
             self.recorder.refuse(f"calls np.{ufunc.__name__} on a value")
@@ -332,7 +330,9 @@ class Value:
             self.recorder.refuse("combines an array with a value, which stands for a whole state")
         return UFUNCS[ufunc.__name__](*map(without_axes, inputs))
 
-    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Value:
+    def __array_function__(
+        self, function: FunctionType, types: object, arguments: Sequence[object], options: object
+    ) -> Value:
         if function.__name__ != "zeros_like" or len(arguments) != 1 or options:
             self.recorder.refuse(f"calls np.{function.__name__} on a value")
         return self * 0
@@ -353,7 +353,7 @@ class Time:
     def __init__(self, c: Entry, recorder: Recorder):
         self.c, self.recorder = c, recorder
 
-    def __add__(self, other: Any) -> Time:
+    def __add__(self, other: object) -> Time:
         if isinstance(other, int | float) and other == 0:
             return self
         if not isinstance(other, Value) or not other.is_scalar or other.power != 1:
@@ -362,10 +362,10 @@ class Time:
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Time:
+    def __sub__(self, other: Value) -> Time:
         return self + -other
 
-    def _look(self, *_: Any) -> NoReturn:
+    def _look(self, *_: object) -> NoReturn:
         self.recorder.refuse("uses t other than as an argument of f")
 
     __bool__ = __mul__ = __rmul__ = __truediv__ = __lt__ = __le__ = __gt__ = __ge__ = _look  # type: ignore[assignment]
@@ -401,20 +401,20 @@ class TracedField:
             recorder.times.append((form, at.c, recorder.place()))
         return Value(recorder.record(Field(self._part, form)), -1, recorder)
 
-    def derivative(self, at: Any, along: Any) -> Value:
+    def derivative(self, at: object, along: Value) -> Value:
         """f′(at) · along."""
         form = self._form(along, 0)
         evaluation = Derivative(self._part, self._form(at, 1), form)
         return Value(self._recorder.record(evaluation), along.power - 1, self._recorder)
 
-    def flow(self, at: Any, time: Any) -> Value:
+    def flow(self, at: object, time: object) -> Value:
         """The exact solution after a time c h from a point."""
         if not isinstance(time, Value) or not time.is_scalar or time.power != 1:
             self._recorder.refuse("takes a flow over something else than a multiple of h")
         start = self._form(at, 1)
         return Value(start + self._recorder.record(Flow(self._part, start, time.content)), 0, self._recorder)
 
-    def solve(self, equation: Callable[..., Any], like: Any = None) -> Any:
+    def solve(self, equation: Callable[..., object], like: object = None) -> Value | tuple[Value, ...]:
         """The solution of Y = equation(Y), or of a system of several."""
         recorder = self._recorder
         parameters = parameters_of(equation)
@@ -436,7 +436,7 @@ class TracedField:
             recorder.equations[first + i] = end.content - start
         return unknowns[0] if count == 1 else tuple(unknowns)
 
-    def _form(self, value: Any, start: int) -> LinearForm:
+    def _form(self, value: object, start: int) -> LinearForm:
         """A point (start = 1) or a vector (start = 0) as a form; derivatives may be along any power of h."""
         recorder = self._recorder
         value = without_axes(value)

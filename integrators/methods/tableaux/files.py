@@ -164,7 +164,7 @@ def _require_keys(data: Any, keys: Iterable[str], argument: str) -> None:
             raise IntegratorError(f"{argument} must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
 
 
-def _as_floats(value: Any) -> Any:
+def _as_floats(value: object) -> Any:
     """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]

@@ -56,7 +56,7 @@ class PartitionedRungeKutta(Method):
     partitions: tuple[RungeKutta, ...]
 
     def __init__(
-        self, partitions: Mapping[str, RungeKutta | Mapping[str, Any]], *, parameters: Iterable[str] = (),
+        self, partitions: Mapping[str, RungeKutta | Mapping[str, object]], *, parameters: Iterable[str] = (),
         name: str | None = None, reference: str | None = None, warn: bool = True,
     ) -> None:  # fmt: skip
         if not isinstance(partitions, Mapping) or len(partitions) < 2:
@@ -78,7 +78,7 @@ class PartitionedRungeKutta(Method):
             emit(issue for key, issue in self._part_issues if not isinstance(partitions[key], RungeKutta))
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.names, self.partitions
 
     def __repr__(self) -> str:
@@ -183,7 +183,7 @@ class PartitionedRungeKutta(Method):
             return self.program
         return self._map(lambda part: part.approximated(decimals)).program
 
-    def substitute(self, values: Mapping[str, Any]) -> PartitionedRungeKutta:
+    def substitute(self, values: Mapping[str, object]) -> PartitionedRungeKutta:
         """The method with values substituted for symbols, as `RungeKutta.substitute`."""
         check_known(values, self.parameters)
         return self._map(lambda part: part.substitute({k: v for k, v in values.items() if k in part.parameters}))
@@ -215,7 +215,7 @@ def _is_acyclic(sparsities: Sequence[Sequence[Sequence[bool]]]) -> bool:
     return True
 
 
-def _read_part(name: str, part: Any, parameters: Iterable[str]) -> RungeKutta:
+def _read_part(name: str, part: object, parameters: Iterable[str]) -> RungeKutta:
     if isinstance(part, RungeKutta):
         return part
     if not isinstance(part, Mapping) or not {"A", "b"} <= part.keys() <= {"A", "b", "c"}:

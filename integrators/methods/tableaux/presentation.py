@@ -17,7 +17,6 @@ from integrators.exact.expressions import format_number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
 DIGITS = 10
 MOST_EXACT_STAGES = 3
 """Methods with irrational entries and more stages are shown in floats."""
@@ -121,7 +120,7 @@ def _latex_rows(method: Any) -> list[list[str]]:
     return rows + [["", *(latex_number(x, part.digits) for x in weights)] for weights in (part.b, *part.embedded)]
 
 
-def plain_entries(values: Iterable[Any], write: Callable[[Any], str] = format_number) -> list[Any]:
+def plain_entries(values: Iterable[object], write: Callable[[Any], str] = format_number) -> list[float | str]:
     """Doubles unchanged, small integers as numbers, everything else as text."""
     return [
         value
@@ -141,7 +140,7 @@ def tableau_table(method: Any, latex: Callable[[], str]) -> Table:
     return Table(method.name, columns, rows, method.remarks, own=own)
 
 
-def _rows(name: str, method: Any) -> Iterator[tuple[Any, ...]]:
+def _rows(name: str, method: Any) -> Iterator[tuple[object, ...]]:
     part = _readable(method)
     for i, row in enumerate(part.A):
         yield name, f"A{i + 1}", part.c[i], *row
@@ -170,7 +169,7 @@ def _cell_texts(method: Any) -> list[list[str]]:
     return cells
 
 
-def _cell_text(value: Any) -> str:
+def _cell_text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.{DIGITS}g}"
     return value if isinstance(value, str) else format_number(value)

@@ -66,7 +66,7 @@ class RungeKutta(Method):
     algebra: StageAlgebra | None
 
     def __init__(
-        self, A: Any, b: Any, c: Any = None, *, embedded: Any = None, parameters: Iterable[str] = (),
+        self, A: object, b: object, c: object = None, *, embedded: object = None, parameters: Iterable[str] = (),
         name: str | None = None, digits: int | None = None, reference: str | None = None, warn: bool = True,
     ) -> None:  # fmt: skip
         digits = entries.digits_of(A, b, c, embedded) if digits is None else digits
@@ -91,7 +91,7 @@ class RungeKutta(Method):
         return method
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         if self.algebra is not None and self.domain == "algebraic":
             return (self.algebra,)
         return self.domain, self.A, self.b, self.c, self.embedded, self.digits
@@ -393,7 +393,7 @@ class RungeKutta(Method):
 
 
 def _read_tableau(
-    A: Any, b: Any, c: Any, embedded: Any, names: tuple[str, ...], digits: int | None
+    A: object, b: object, c: object, embedded: object, names: tuple[str, ...], digits: int | None
 ) -> tuple[Matrix, EntryRow, EntryRow, Matrix]:
     """The stage matrix, weights, nodes (empty if not given) and rows of embedded weights, in one domain."""
     raw = [items(row, f"row {i} of A") for i, row in enumerate(items(A, "A"), 1)]
@@ -408,7 +408,7 @@ def _read_tableau(
     if first != stages:
         raise IntegratorError(f"A must be square, but has {stages} row{'s' * (stages > 1)} of {entry_count(first)}")
 
-    def read(values: Any, argument: str) -> EntryRow:
+    def read(values: object, argument: str) -> EntryRow:
         row = items(values, argument)
         if len(row) != stages:
             raise IntegratorError(f"{argument} must have as many entries as A has rows, {stages}, but has {len(row)}")
@@ -494,7 +494,7 @@ def _entry_text(value: Entry) -> str:
     return shorten(format_number(value))
 
 
-def check_known(values: Mapping[str, Any], parameters: Sequence[str]) -> None:
+def check_known(values: Mapping[str, object], parameters: Sequence[str]) -> None:
     """Refuse values for names that are not parameters."""
     for name in values:
         if name not in parameters:

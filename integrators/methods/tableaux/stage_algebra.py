@@ -18,7 +18,7 @@ from integrators.core.arguments import MOST_DIGITS, items, read_whole
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
-from integrators.exact.arithmetic import Exact
+from integrators.exact.arithmetic import Exact, simplest
 from integrators.exact.polynomials import Matrix, Polynomial, matrix_rows, to_flint_matrix
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class StageAlgebra(ImmutableValue):
     A: Matrix
     b: tuple[Fraction, ...]
 
-    def __init__(self, polynomial: Sequence[Any], A: Sequence[Sequence[Any]], b: Sequence[Any]) -> None:
+    def __init__(self, polynomial: Sequence[object], A: Sequence[Sequence[object]], b: Sequence[object]) -> None:
         nodes = _rationals(polynomial, "polynomial")
         stages = len(nodes) - 1
         if stages > MAX_STAGES:
@@ -83,7 +83,7 @@ class StageAlgebra(ImmutableValue):
         self.__dict__.update(polynomial=nodes, A=rows, b=weights)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.polynomial, self.A, self.b
 
     def __repr__(self) -> str:
@@ -225,7 +225,7 @@ class StageAlgebra(ImmutableValue):
         x = sympy.Symbol("x")
         terms = [sympy.Rational(a.numerator, a.denominator) * x**k for k, a in enumerate(rest)]
         for factor, _ in sympy.factor_list(sympy.Add(*terms), x)[1]:
-            coefficients = [Fraction(int(a.p), int(a.q)) for a in reversed(sympy.Poly(factor, x).all_coeffs())]
+            coefficients = [simplest(a) for a in reversed(sympy.Poly(factor, x).all_coeffs())]
             minimal = polynomials.scale(tuple(coefficients), 1 / coefficients[-1])
             found.extend((root, minimal) for root in _roots(minimal, factor))
         return tuple(sorted(found, key=lambda pair: sympy.N(pair[0], 20)))
@@ -305,7 +305,7 @@ def _value(columns: Sequence[Polynomial], y: Exact, x: Exact) -> Exact:
     value = sympy.Add(*(sympy.Rational(a.numerator, a.denominator) * x**k * y**level for a, k, level in terms))
     if not isinstance(x, sympy.CRootOf) and not isinstance(y, sympy.CRootOf):
         value = sympy.expand(value)
-    return Fraction(int(value.p), int(value.q)) if isinstance(value, sympy.Rational) else value
+    return simplest(value)
 
 
 def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
@@ -326,7 +326,7 @@ def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
     return [centre + sign * sympy.sqrt(square) for square in squares for sign in (-1, 1)]
 
 
-def _rationals(values: Sequence[Any], argument: str) -> tuple[Fraction, ...]:
+def _rationals(values: Sequence[object], argument: str) -> tuple[Fraction, ...]:
     """The values as `Fraction`s; anything but exact rationals is refused."""
     numbers = []
     for k, value in enumerate(items(values, argument)):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue.registry import SceneEntry
@@ -20,7 +18,7 @@ def riccati() -> Scene:
 ROTATION = ((0, -1), (1, 0))
 
 
-def linear(*, matrix: Any = ROTATION) -> Scene:
+def linear(*, matrix: object = ROTATION) -> Scene:
     """y' = A y, from y = (1, …, 1).
 
     Args:

@@ -21,7 +21,7 @@ FIGURE_EIGHT_VELOCITIES = (("0.466203685", "0.43236573"),) * 2 + (("-0.93240737"
 
 
 def n_body(
-    *, masses: Any = (1, 1, 1), positions: Any = FIGURE_EIGHT, velocities: Any = FIGURE_EIGHT_VELOCITIES,
+    *, masses: object = (1, 1, 1), positions: object = FIGURE_EIGHT, velocities: object = FIGURE_EIGHT_VELOCITIES,
     effects: Collection[str] = (),
 ) -> Scene:  # fmt: skip
     """H = Σ |p_i|²/(2m_i) − Σ_{i<j} G m_i m_j / r_ij, with p_i = m_i v_i; G = 1 is a parameter.
@@ -36,7 +36,7 @@ def n_body(
 
 
 def gravity(
-    masses: Any, positions: Any, velocities: Any, *, constant: Any = 1, softened: bool = False,
+    masses: object, positions: object, velocities: object, *, constant: object = 1, softened: bool = False,
     summary: str | None = None,
 ) -> Scene:  # fmt: skip
     """Bodies with given masses, positions and velocities; `constant` is the gravitational constant."""
@@ -123,7 +123,7 @@ DISTANCE = "sqrt(q1^2 + q2^2)"
 ANGULAR_MOMENTUM = "(q1*p2 - q2*p1)"
 
 
-def kepler(*, eccentricity: Any = "3/5") -> Scene:
+def kepler(*, eccentricity: object = "3/5") -> Scene:
     """H = |p|²/2 − μ/|q|, from the perihelion of an ellipse with semi-major axis 1 (for μ = 1).
 
     Args:
@@ -144,7 +144,7 @@ def kepler(*, eccentricity: Any = "3/5") -> Scene:
     )
 
 
-def perturbed_kepler(*, eccentricity: Any = "3/5") -> Scene:
+def perturbed_kepler(*, eccentricity: object = "3/5") -> Scene:
     """H = |p|²/2 − 1/|q| − μ/(3 |q|³), with the start of `kepler`."""
     return Scene(
         {"p": 2, "q": 2},
@@ -157,7 +157,7 @@ def perturbed_kepler(*, eccentricity: Any = "3/5") -> Scene:
     )
 
 
-def _perihelion(eccentricity: Any) -> dict[str, Any]:
+def _perihelion(eccentricity: object) -> dict[str, Any]:
     """Start at the perihelion of an ellipse with semi-major axis 1 (HLW, section I.2.3)."""
     import sympy
 

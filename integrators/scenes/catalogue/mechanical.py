@@ -69,7 +69,7 @@ LEAST_ENERGY = "7/1500"
 """The potential at the start q = (0, 1/10)."""
 
 
-def henon_heiles(*, energy: Any = "1/12") -> Scene:
+def henon_heiles(*, energy: object = "1/12") -> Scene:
     """H = (|p|² + |q|²)/2 + q1² q2 − q2³/3, from q = (0, 1/10) in the direction of q1.
 
     Args:
@@ -87,7 +87,7 @@ def henon_heiles(*, energy: Any = "1/12") -> Scene:
     )
 
 
-def central_field(*, potential: Any = "-1/r") -> Scene:
+def central_field(*, potential: object = "-1/r") -> Scene:
     """H = (p_r² + p_φ²/r²)/2 + V(r), from the perihelion of `kepler` (r = 2/5, p_φ = 4/5).
 
     Args:
@@ -136,7 +136,7 @@ def _structure(magnetic: Sequence[Any]) -> list[list[Any]]:
     ]
 
 
-def _read_magnetic_field(magnetic: Any) -> list[sympy.Expr]:
+def _read_magnetic_field(magnetic: object) -> list[sympy.Expr]:
     """The components of B; B must be free of sources, as the brackets of velocities satisfy Jacobi's identity then."""
     import sympy
 
@@ -151,7 +151,7 @@ def _read_magnetic_field(magnetic: Any) -> list[sympy.Expr]:
 
 
 def charged_particle(
-    *, magnetic: Any = ("0", "0", "sqrt(x^2 + y^2)"), potential: Any = "1/(100*sqrt(x^2 + y^2))"
+    *, magnetic: object = ("0", "0", "sqrt(x^2 + y^2)"), potential: object = "1/(100*sqrt(x^2 + y^2))"
 ) -> Scene:
     """B = (0, 0, r) and U = 1/(100 r) with r² = x² + y², from (0, −1, 0) with the velocity (1/10, 1/100, 0).
 

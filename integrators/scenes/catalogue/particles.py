@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import ceil, cos, gamma, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LARGEST = 10**100
 
 
-def read_count(value: Any, argument: str, least: int, most: int) -> int:
+def read_count(value: object, argument: str, least: int, most: int) -> int:
     """A whole number within limits, given as a number or as text."""
     number = read_formula(value, (), argument)
     if not (number.is_Integer and least <= number <= most):
@@ -29,7 +29,7 @@ def read_count(value: Any, argument: str, least: int, most: int) -> int:
     return int(number)
 
 
-def read_positive(value: Any, argument: str, *, or_zero: bool = False) -> sympy.Expr:
+def read_positive(value: object, argument: str, *, or_zero: bool = False) -> sympy.Expr:
     """An exact positive number, or zero where allowed, whose squares and products are in the range of doubles."""
     number = read_formula(value, (), argument)
     if not (1 <= number * LARGEST <= LARGEST**2 or (or_zero and number == 0)):
@@ -39,7 +39,7 @@ def read_positive(value: Any, argument: str, *, or_zero: bool = False) -> sympy.
     return number
 
 
-def read_rows(value: Any, argument: str, count: int) -> list[tuple[sympy.Expr, ...]]:
+def read_rows(value: object, argument: str, count: int) -> list[tuple[sympy.Expr, ...]]:
     """A row of exact numbers for each of `count` bodies."""
     rows = [items(row, f"row {k} of {argument}") for k, row in enumerate(items(value, argument), 1)]
     if len(rows) != count:
@@ -93,7 +93,7 @@ def symmetry_integrals(sites: int, dimension: int) -> dict[str, sympy.Expr]:
     return integrals
 
 
-def toda(*, n: Any = 3) -> Scene:
+def toda(*, n: object = 3) -> Scene:
     """H = Σ p_k²/2 + exp(q_k − q_{k+1}) with q_{n+1} = q_1.
 
     For n = 3 the start is taken from figure 9 of the lecture; for other n it is q = 0, p_k = cos(2πk/n), rounded to 12
@@ -124,7 +124,7 @@ def _integrals(n: int) -> dict[str, str]:
     return {"momentum": " + ".join(f"p{k}" for k, _ in ring), "trace_of_cube": f"-({cubes})/8"}
 
 
-def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
+def fermi_pasta_ulam(*, m: object = 3, omega: object = 50) -> Scene:
     """H = Σ (y_0² + y_1² + ω² x_1²)/2 + Σ (elongation of a soft spring)⁴/4.
 
     The coordinates are those of HLW: for the i-th stiff spring, ``qx`` is x_{0,i}, its scaled displacement, ``qy`` is
@@ -155,7 +155,8 @@ def fermi_pasta_ulam(*, m: Any = 3, omega: Any = 50) -> Scene:
 
 
 def lennard_jones(
-    *, particles: Any = 9, dimension: Any = 2, temperature: Any = "1/10", seed: Any = 0, sigma: Any = 1, m: Any = 1
+    *, particles: object = 9, dimension: object = 2, temperature: object = "1/10", seed: object = 0, sigma: object = 1,
+    m: object = 1,
 ) -> Scene:  # fmt: skip
     """H = Σ |p_i|²/(2m) + Σ_{i<j} 4ε((σ/r_ij)¹² − (σ/r_ij)⁶).
 

@@ -55,7 +55,7 @@ class SceneEntry(NamedTuple):
     bodies: Callable[[Collection[str]], Sequence[str]] | None = None
     title: str = ""
 
-    def build(self, **options: Any) -> Scene:
+    def build(self, **options: object) -> Scene:
         """Build the scene; it has the labels of the entry unless the builder sets its own."""
         return labelled(self.builder(**options), name=self.name, summary=self.summary, reference=self.reference)
 
@@ -139,7 +139,7 @@ def scene_catalogue() -> SceneCatalogue:
     return SceneCatalogue(REGISTER.entries)
 
 
-def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: Any) -> Scene:
+def scene(name: str, /, effects: Iterable[str] | None = None, **parameters: object) -> Scene:
     """Build a scene of the catalogue.
 
     Args:
@@ -180,7 +180,7 @@ def as_scene(value: Scene | str) -> Scene:
     return value
 
 
-def find_entry(name: Any) -> SceneEntry:
+def find_entry(name: object) -> SceneEntry:
     """The entry of a name or alias, in any spelling."""
     key = spelling(name) if isinstance(name, str) else ""
     index = REGISTER.index_with(key)

@@ -15,10 +15,11 @@ from uuid import uuid4
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import sympy
+from sympy.printing.printer import Printer
 
 from integrators.core.errors import IntegratorError
 
-_KEYS: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
+_KEYS: WeakKeyDictionary[object, str] = WeakKeyDictionary()
 _BOXES: WeakValueDictionary[str, BlackBox] = WeakValueDictionary()
 
 
@@ -44,9 +45,9 @@ class BlackBox(sympy.Atom):
     jacobian: BlackBox | None  # the function of its derivatives ∂f_i/∂y_k by its array argument, or None
 
     def __new__(  # noqa: D102
-        cls, function: Any, name: str, arguments: Iterable[BoxArgument], shape: Sequence[int],
+        cls, function: object, name: str, arguments: Iterable[BoxArgument], shape: Sequence[int],
         jacobian: BlackBox | None = None, function_key: str | None = None,
-    ) -> Any:  # fmt: skip
+    ) -> BlackBox:  # fmt: skip
         arguments, shape = tuple(arguments), tuple(shape)
         function_key = _KEYS.setdefault(function, function_key or uuid4().hex)
         text = repr((function_key, name, arguments, shape, jacobian and jacobian.key))
@@ -59,7 +60,7 @@ class BlackBox(sympy.Atom):
             )
         return known
 
-    def __reduce_ex__(self, protocol: Any) -> Any:
+    def __reduce_ex__(self, protocol: object) -> tuple[object, ...]:
         # numba pickles its functions by value; the key keeps copies equal
         return BlackBox, (
             self.function, self.name, self.arguments, self.shape, self.jacobian, _KEYS[self.function],
@@ -68,7 +69,7 @@ class BlackBox(sympy.Atom):
     def _hashable_content(self) -> tuple[Any, ...]:
         return (self.key,)
 
-    def _sympystr(self, printer: Any) -> str:
+    def _sympystr(self, printer: object) -> str:
         return self.name
 
     @property
@@ -86,7 +87,7 @@ class BlackBox(sympy.Atom):
         """The number of values that it takes."""
         return sum(max(1, argument.length) for argument in self.arguments)
 
-    def entries(self, values: Sequence[Any]) -> list[Any]:
+    def entries(self, values: Sequence[object]) -> list[sympy.Expr]:
         """All entries of its value at formulas or numbers, one for each that it takes."""
         return [Entry(self, sympy.Integer(k), *values) for k in range(self.size)]
 
@@ -105,12 +106,12 @@ class Entry(sympy.Function):
     if TYPE_CHECKING:
         args: tuple[Any, ...]  # type: ignore[override]
 
-        def __new__(cls, *args: Any) -> Any: ...  # noqa: D102
+        def __new__(cls, *args: object) -> Entry: ...  # noqa: D102
 
-    def _eval_derivative(self, s: Any) -> Any:
+    def _eval_derivative(self, s: object) -> sympy.Expr:
         """The derivative by the chain rule, from entries of the Jacobian."""
         box, k, *values = self.args
-        total: Any = sympy.Integer(0)
+        total: sympy.Expr = sympy.Integer(0)
         inner = [value.diff(s) for value in values]
         place, column, columns = 0, 0, sum(argument.length for argument in box.arguments)
         for _, length in box.arguments:
@@ -122,22 +123,22 @@ class Entry(sympy.Function):
                 place, column = place + 1, column + bool(length)
         return total
 
-    def _sympystr(self, printer: Any) -> str:
+    def _sympystr(self, printer: Printer) -> str:
         box, k, *values = self.args
         return f"{box.name}({', '.join(map(printer.doprint, values))})[{k + 1}]"
 
-    def _latex(self, printer: Any, exp: str | None = None) -> str:
+    def _latex(self, printer: Printer, exp: str | None = None) -> str:
         box, k, *values = self.args
         text = rf"\mathrm{{{box.name}}}_{{{k + 1}}}\left({', '.join(map(printer.doprint, values))}\right)"
         return text if exp is None else rf"{text}^{{{exp}}}"
 
-    def _pythoncode(self, printer: Any) -> NoReturn:
+    def _pythoncode(self, printer: object) -> NoReturn:
         refuse(self, "other arithmetic than doubles")
 
     _mpmathcode = _numpycode = _pythoncode
 
 
-def check_formulas(formulas: Iterable[Any], need: str) -> None:
+def check_formulas(formulas: Iterable[sympy.Expr], need: str) -> None:
     """Refuse entries of black boxes."""
     for formula in formulas:
         for entry in formula.atoms(Entry):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from integrators.core.arguments import as_lists, canonical_names, identifier, is_listed
 from integrators.core.errors import IntegratorError, shorten, shown
@@ -47,7 +47,7 @@ class Block(NamedTuple):
         return self.sites if self.components == (self.name,) else [self.sites, len(self.components)]
 
 
-def read_blocks(variables: Any, argument: str = "variables", offset: int = 0) -> tuple[Block, ...]:
+def read_blocks(variables: object, argument: str = "variables", offset: int = 0) -> tuple[Block, ...]:
     """The blocks of a mapping from names to sizes, in this order, the first one at `offset` in the state.
 
     A size is a number n of sites (named ``p`` if n = 1, else ``p1`` … ``pn``), ``[n, d]`` (n sites in d dimensions,
@@ -79,7 +79,7 @@ def check_symbols(names: Iterable[str], argument: str) -> tuple[str, ...]:
     return checked
 
 
-def _read_block(name: str, size: Any, offset: int, argument: str) -> Block:
+def _read_block(name: str, size: object, offset: int, argument: str) -> Block:
     size = as_lists(size)
     if type(size) is int:
         _check_size(size, size, argument)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foundation.formulas import formula_text
 from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import LARGEST_NUMBER
+from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import MAX_LENGTH, decimal_text
 from integrators.scenes.model.blocks import (
     ROLES,
@@ -113,7 +113,7 @@ def register_names(
     return flat
 
 
-def read_parameters(values: Any, argument: str = "parameters") -> Parameters:
+def read_parameters(values: object, argument: str = "parameters") -> Parameters:
     """The values of parameters: exact numbers, or a parameter's own name, which leaves it a symbol."""
     if not isinstance(values, Mapping):
         raise IntegratorError(f"{argument} must map names to numbers, but was {shown(values)}")
@@ -178,7 +178,7 @@ def _read_term(term: Term, namespace: Namespace, place: str) -> Iterator[tuple[K
         yield (target, namespace.sites(term.over, used, argument), term.part), formula
 
 
-def read_start(values: Any, blocks: Sequence[Block], argument: str = "start") -> Start:
+def read_start(values: object, blocks: Sequence[Block], argument: str = "start") -> Start:
     """The start values of blocks: a number, a list, or a row for each site; the time t is allowed too."""
 
     if not isinstance(values, Mapping):
@@ -211,7 +211,7 @@ def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") 
     return tuple(value for block in blocks for value in values[block.name])
 
 
-def _flattened(value: Any, depth: int = 2) -> list[Any]:
+def _flattened(value: object, depth: int = 2) -> list[Any]:
     """The entries of a number, a list, or a list of rows."""
     value = as_lists(value)
     if depth and is_listed(value):
@@ -249,8 +249,8 @@ class Assembly(NamedTuple):
 
 
 def read_declaration(
-    variables: Any, hamiltonian: Any, field: Any, terms: Any, poisson: Any, parameters: Any, invariants: Any,
-    start: Any, positive: Any, effects: Mapping[str, Effect],
+    variables: object, hamiltonian: object, field: object, terms: object, poisson: object, parameters: object,
+    invariants: object, start: object, positive: object, effects: Mapping[str, Effect],
 ) -> Declaration:  # fmt: skip
     """Parse the arguments of `Scene`, including effects that are off."""
     blocks = read_blocks(variables)
@@ -317,7 +317,7 @@ def _read_effect(name: str, effect: Effect, base: Namespace, scene: Declaration,
     return Contribution(blocks, parameters, summands, start, effect.breaks)
 
 
-def read_poisson(matrix: Any, names: Collection[str], dimension: int) -> Matrix | None:
+def read_poisson(matrix: object, names: Collection[str], dimension: int) -> Matrix | None:
     """The matrix B of a Poisson structure, checked to be square and skew-symmetric."""
     if matrix is None:
         return None
@@ -411,10 +411,10 @@ class UnknownNameError(IntegratorError):
     """Unknown name of a parameter or block."""
 
 
-def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
+def with_values(scene: Declaration, active: Collection[str], values: Mapping[str, object]) -> Declaration:
     """The declaration with other values of parameters, of the base system or of effects that are on."""
 
-    def count(value: Any) -> str:
+    def count(value: object) -> str:
         return f"a list of {len(value)} numbers" if isinstance(value, tuple) else "a number"
 
     parts = {BASE: scene.base, **scene.effects}
@@ -428,7 +428,7 @@ def with_values(scene: Declaration, active: Collection[str], values: Mapping[str
     return _joined(scene, parts)
 
 
-def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, Any]) -> Declaration:
+def with_start_values(scene: Declaration, active: Collection[str], values: Mapping[str, object]) -> Declaration:
     """The declaration with other start values of blocks or variables, of the base system or of effects that are on."""
     parts = {BASE: scene.base, **scene.effects}
     blocks = [(block, owner) for owner, part in parts.items() for block in part.blocks]
@@ -483,7 +483,7 @@ def declaration_table(
     return _without_empty(data)
 
 
-def _without_empty(table: Mapping[str, Any]) -> dict[str, Any]:
+def _without_empty(table: Mapping[str, object]) -> dict[str, Any]:
     """The table without keys whose value is None or empty, on all levels."""
     inner = {key: _without_empty(value) if isinstance(value, dict) else value for key, value in table.items()}
     return {key: value for key, value in inner.items() if value not in (None, [], {})}
@@ -492,7 +492,7 @@ def _without_empty(table: Mapping[str, Any]) -> dict[str, Any]:
 def _contribution_table(part: Contribution) -> dict[str, Any]:
     """The table of the base system or of an effect."""
 
-    def rows(values: list[Any], length: int) -> list[Any]:
+    def rows(values: list[object], length: int) -> list[Any]:
         return [values[k : k + length] for k in range(0, len(values), length)] if length > 1 else values
 
     at_site = {block.name: len(block.components) for block in part.blocks}
@@ -553,5 +553,5 @@ def _numbers(value: Any, argument: str = "a number") -> Any:
         return [_numbers(entry, argument) for entry in value]
     if not value.is_Rational:
         return _text(value, argument)
-    exact = Fraction(int(value.p), int(value.q))
+    exact = simplest(value)
     return int(exact) if exact.denominator == 1 and abs(exact) < LARGEST_NUMBER else decimal_text(exact)

@@ -12,6 +12,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 from foundation.formulas import formula_text
+from integrators.core.arguments import without_axes
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, nearest_double, parse_expression
@@ -49,17 +50,17 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
         return stable_form(_parse(str(value), names, argument), argument)
     if isinstance(value, sympy.Expr):
         return stable_form(_plain(value, names, argument), argument)
-    plain: Any = value.item() if hasattr(value, "item") and getattr(value, "ndim", None) == 0 else value
+    plain = without_axes(value)
     if type(plain) is type(value):
         raise IntegratorError(f"{argument} must be a formula or a number, but was {shown(value)}")
     return read_formula(plain, names, argument)
 
 
-def read_numbers(values: Iterable[Any], argument: str) -> tuple[sympy.Expr, ...]:
+def read_numbers(values: Iterable[object], argument: str) -> tuple[sympy.Expr, ...]:
     """Exact numbers, each read by `read_formula`."""
     read: dict[Any, sympy.Expr] = {}  # large scenes repeat the same numbers
 
-    def number(k: int, value: Any) -> sympy.Expr:
+    def number(k: int, value: object) -> sympy.Expr:
         if type(value) not in (int, float):
             return read_formula(value, (), f"{argument}[{k}]")
         if value not in read:

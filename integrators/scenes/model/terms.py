@@ -81,12 +81,12 @@ class Term(ImmutableValue):
     """
 
     over: str | tuple[tuple[int, ...], ...]
-    hamiltonian: Any
-    field: tuple[tuple[str, Any], ...]
+    hamiltonian: object
+    field: tuple[tuple[str, object], ...]
     part: str | None
 
     def __init__(
-        self, *, over: Any = "single", hamiltonian: Any = None, field: Mapping[str, Any] | None = None,
+        self, *, over: object = "single", hamiltonian: object = None, field: Mapping[str, object] | None = None,
         part: str | None = None,
     ):  # fmt: skip
         if (hamiltonian is None) == (field is None):
@@ -103,7 +103,7 @@ class Term(ImmutableValue):
         )
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.over, self.hamiltonian, self.field, self.part
 
     def __repr__(self) -> str:
@@ -111,7 +111,7 @@ class Term(ImmutableValue):
         return f"Term(over={self.over!r}, {content!r})"
 
 
-def _read_over(over: Any) -> str | tuple[tuple[int, ...], ...]:
+def _read_over(over: object) -> str | tuple[tuple[int, ...], ...]:
     over = as_lists(over)
     if isinstance(over, str) and over in KINDS:
         return over
@@ -175,9 +175,9 @@ class Effect(ImmutableValue):
     """
 
     def __init__(
-        self, *, hamiltonian: Any = None, field: Mapping[str, Any] | None = None, terms: Iterable[Term] = (),
-        variables: Mapping[str, Any] | None = None, parameters: Mapping[str, Any] | None = None,
-        start: Mapping[str, Any] | None = None, breaks: Iterable[str] = (), summary: str | None = None,
+        self, *, hamiltonian: object = None, field: Mapping[str, object] | None = None, terms: Iterable[Term] = (),
+        variables: Mapping[str, object] | None = None, parameters: Mapping[str, object] | None = None,
+        start: Mapping[str, object] | None = None, breaks: Iterable[str] = (), summary: str | None = None,
     ):  # fmt: skip
         mappings = {"field": field, "variables": variables, "parameters": parameters, "start": start}
         for name, value in mappings.items():
@@ -190,12 +190,12 @@ class Effect(ImmutableValue):
         if hamiltonian is None and not field and not terms:
             raise IntegratorError("an effect must have a hamiltonian, a field or terms, but had none")
 
-    hamiltonian: Any
-    field: Mapping[str, Any]
+    hamiltonian: object
+    field: Mapping[str, object]
     terms: tuple[Term, ...]
-    variables: Mapping[str, Any]
-    parameters: Mapping[str, Any]
-    start: Mapping[str, Any]
+    variables: Mapping[str, object]
+    parameters: Mapping[str, object]
+    start: Mapping[str, object]
     breaks: tuple[str, ...]
     summary: str | None
 
@@ -206,10 +206,10 @@ class Effect(ImmutableValue):
         return {**mappings, **{name: self.__dict__[name] for name in ("hamiltonian", "terms", "breaks", "summary")}}
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return tuple(tuple(x.items()) if isinstance(x, dict) else x for x in self.arguments.values())
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return partial(Effect, **self.arguments), ()  # mapping proxies cannot be pickled
 
     def __repr__(self) -> str:
@@ -217,13 +217,13 @@ class Effect(ImmutableValue):
         return f"Effect({given})"
 
 
-def _immutable(value: Any) -> Any:
+def _immutable(value: object) -> Any:
     """A number, or a list or array as nested tuples."""
     value = as_lists(value)
     return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
 
 
-def numbered(parameters: Mapping[str, Any]) -> dict[str, sympy.Expr]:
+def numbered(parameters: Mapping[str, object]) -> dict[str, sympy.Expr]:
     """The values of site parameters under the names m1, m2, …"""
     return {
         f"{name}{k}": entry
@@ -241,7 +241,7 @@ def check_effects(effects: Any) -> dict[str, Effect]:
     return dict(effects)
 
 
-def check_active(active: Any, effects: Mapping[str, Any]) -> tuple[str, ...]:
+def check_active(active: object, effects: Mapping[str, object]) -> tuple[str, ...]:
     """The names of the active effects, in the order of declaration."""
     names = [active] if isinstance(active, str) else items(active, "effects")
     for name in names:

@@ -7,7 +7,7 @@ field has nonzero derivatives in that direction.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from integrators.core.arguments import canonical_names
 from integrators.core.errors import IntegratorError
@@ -87,11 +87,14 @@ def degree(formula: sympy.Expr, variables: Sequence[sympy.Symbol]) -> int | None
     return sympy.Poly(formula, *used).total_degree() if formula.is_polynomial(*used) else None
 
 
+Parts: TypeAlias = Mapping[str, str | Sequence[str]]
+"""The blocks of a scene, or its part, for each part of a method."""
+
 UNNAMED = ("a", "b")
 """The names that splitting methods give to two arbitrary parts."""
 
 
-def pieces_of(names: Sequence[str], scene: System, parts: Any = None) -> tuple[Piece, ...]:
+def pieces_of(names: Sequence[str], scene: System, parts: Parts | None = None) -> tuple[Piece, ...]:
     """The pieces of a scene's field that correspond to the colours of a method or series."""
     if parts is not None:
         if len(names) == 1:
@@ -148,7 +151,7 @@ def check_kind(name: str, bounds: ChildBounds | None, pieces: Sequence[Piece], s
                 )
 
 
-def _named_pieces(names: Sequence[str], scene: System, parts: Any) -> tuple[Piece, ...]:
+def _named_pieces(names: Sequence[str], scene: System, parts: Parts) -> tuple[Piece, ...]:
     if not isinstance(parts, Mapping) or set(parts) != set(names):
         raise IntegratorError(
             f"parts must map {', '.join(names)} to blocks or parts of the scene, but was {parts!r:.60}"

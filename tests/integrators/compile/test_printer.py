@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from integrators import IntegratorError
 from integrators.compile import printer
 from integrators.compile.modules import load_module
-from integrators.compile.printer import FUNCTIONS, count_operations, operation_cost, source_lines
+from integrators.compile.printer import FUNCTIONS, Assign, count_operations, operation_cost, source_lines
 from integrators.exact.expressions import ELEMENTARY, literal, nearest_double, parse_expression
 
 SYMBOLS = x, y, z = sympy.symbols("x y z")
@@ -36,8 +36,8 @@ def own_cache(tmp_path_factory):
 
 
 def text(*formulas, **options):
-    targets = [f"out[{k}]" for k in range(len(formulas))]
-    return "\n".join(source_lines(zip(targets, map(sympy.sympify, formulas), strict=True), NAMES, **options))
+    statements = [Assign(f"out[{k}]", "=", sympy.sympify(formula)) for k, formula in enumerate(formulas)]
+    return "\n".join(source_lines(statements, NAMES, **options))
 
 
 def evaluate(formulas, values, *, module="math", exact=None):
@@ -141,10 +141,9 @@ def test_written(formulas, lines):
 
 
 def test_targets_names_and_temporaries():
-    formulas = [("c0", x**2 * y), ("out[1] +=", -(x**2) * z), ("total -=", x**2)]
+    formulas = [Assign("c0", "=", x**2 * y), Assign("out[1]", "+=", -(x**2) * z), Assign("total", "-=", x**2)]
     lines = source_lines(formulas, {x: "y[0]", y: "c1", z: "t"})
     assert lines == ["c2 = y[0]*y[0]", "c0 = c1*c2", "out[1] -= c2*t", "total -= c2"]
-    assert source_lines([("a", x**2), ("b", x**2)], NAMES, temporary="w")[0] == "w0 = x*x"
     assert source_lines([], {}) == []
 
 
@@ -278,12 +277,12 @@ def test_what_is_near_no_double(number, error):
 
 PROGRAM = """
 import sympy
-from integrators.compile.printer import source_lines
+from integrators.compile.printer import Assign, source_lines
 x, y, z = sympy.symbols("x y z")
 r = sympy.sqrt(x**2 + y**2 + z**2)
 V = sympy.exp(-r)/r**6 + sympy.sin(x*y)*sympy.cos(x*y)*z**3 - (x + y)**5*(x - z)**2/3
 gradient = [V.diff(s) for s in (x, y, z)] + [sympy.expand((x + 2*y - z)**4).diff(x)]
-print(*source_lines([(f"out[{k}]", f) for k, f in enumerate(gradient)], {x: "x", y: "y", z: "z"}), sep="\\n")
+print(*source_lines([Assign(f"out[{k}]", "=", f) for k, f in enumerate(gradient)], {x: "x", y: "y", z: "z"}), sep="\\n")
 """
 
 

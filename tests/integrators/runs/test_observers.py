@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from integrators import integrate, scene
+from integrators.compile import user_functions
 from integrators.compile.function_keys import function_key
 from integrators.runs import observers as module
 from integrators.runs.observers import observers
@@ -111,10 +112,18 @@ assert run.observed["both"].tolist() == (run.y[0] + run.y[1]).tolist()
     assert lines[-2] == "at 0.5"
 
 
-def test_the_code_goes_with_the_last_user():
+def test_the_code_goes_with_the_last_user(monkeypatch):
+    made = []
+
+    def recorded(*arguments, compiled=user_functions.observer_code):
+        code = compiled(*arguments)
+        made.append(weakref.ref(code))
+        return code
+
+    monkeypatch.setattr(user_functions, "observer_code", recorded)
     first, second = (observers(PENDULUM, {"a": times(1234.0)}) for _ in range(2))
-    code = weakref.ref(first._codes[-1])
-    module._c_functions.cache_clear()  # which keeps the latest for later calls
+    (code,) = made
+    module.observer_codes.cache_clear()  # which keeps the latest for later calls
     del first
     gc.collect()
     assert code() is not None

@@ -21,7 +21,7 @@ from integrators.scenes.functions import scene_from_function
 
 
 def pendulum(t, y, g=1.0):
-    return [y[1], -g * math.sin(y[0])]
+    return y[1], -g * math.sin(y[0])
 
 
 def traced_pendulum(t, y, g=1.0):
@@ -99,7 +99,7 @@ def test_time_and_parameters():
 
 def test_functions_of_blocks_split():
     def force(x, k=1.0):
-        return [-k * x[0] if x[0] > 0 else -2 * k * x[0]]
+        return -k * x[0] if x[0] > 0 else -2 * k * x[0]
 
     scene = scene_from_function({"v": force, "x": lambda v: v}, [0, 1], variables={"v": 1, "x": 1})
     text = "where(x > 0, -k*x, -2*k*x)"
@@ -116,11 +116,11 @@ def test_functions_of_blocks_split():
 
 
 def stiff(t, y, mu=1000.0):
-    return [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0] if y[0] < 1e9 else 0.0]
+    return y[1], mu * (1 - y[0] ** 2) * y[1] - y[0] if y[0] < 1e9 else 0.0
 
 
 def stiff_jacobian(t, y, mu=1000.0):
-    return [[0.0, 1.0], [-2 * mu * y[0] * y[1] - 1, mu * (1 - y[0] ** 2)]]
+    return (0.0, 1.0), (-2 * mu * y[0] * y[1] - 1, mu * (1 - y[0] ** 2))
 
 
 @pytest.mark.slow
@@ -152,7 +152,7 @@ NEEDS = {
 @pytest.mark.parametrize("need", NEEDS)
 def test_what_needs_formulas_is_refused_in_one_sentence(need):
     def rate(t, y):
-        return [y[1], -y[0] if y[0] > 0 else -2 * y[0]]
+        return y[1], -y[0] if y[0] > 0 else -2 * y[0]
 
     scene = scene_from_function(rate, [1, 0])
     sentence = rf"^scene must be given by formulas for {need}.*, but 'rate' is a compiled function$"
@@ -164,7 +164,7 @@ def test_what_needs_formulas_is_refused_in_one_sentence(need):
 
 def test_equal_is_the_same_text_with_the_same_values():
     def made(a):
-        return lambda y: [a * y[0] if y[0] > 0 else 0.0]
+        return lambda y: a * y[0] if y[0] > 0 else 0.0
 
     scenes = [scene_from_function(f, [1], name="f") for f in (made(1.0), made(1.0), made(2.0))]
     assert scenes[0] == scenes[1]
@@ -184,7 +184,7 @@ def test_functions_that_are_gone_are_not_taken_for_new_ones():
     """A new function may have the address of one that is gone while its scene is used."""
 
     def made(a):
-        return lambda y: [a * y[0] if y[0] > 0 else 0.0]
+        return lambda y: a * y[0] if y[0] > 0 else 0.0
 
     scenes = [scene_from_function(made(float(a)), [1]) for a in range(4)]
     assert [bs.integrators.right_hand_side(scene)(0.0, [1.0])[0] for scene in scenes] == [0, 1, 2, 3]
@@ -205,11 +205,24 @@ def test_functions_of_numba_are_taken_as_they_are():
     np.testing.assert_allclose(bs.integrate("rk4", scene, h=0.001, span=2).y[:, -1], true, atol=1e-9)
 
 
+def test_a_list_has_the_values_of_a_tuple_and_a_warning_advises_the_tuple():
+    def listed(t, y):
+        return [y[1], -y[0] if y[0] > 0 else -2 * y[0]]
+
+    def paired(t, y):
+        return y[1], -y[0] if y[0] > 0 else -2 * y[0]
+
+    with pytest.warns(RuntimeWarning, match="^listed should return a tuple: with the list that it returns"):
+        first = scene_from_function(listed, [1, 0])
+    runs = [bs.integrate("rk4", one, h=0.1, steps=50).y for one in (first, scene_from_function(paired, [1, 0]))]
+    np.testing.assert_allclose(*runs, rtol=0, atol=1e-14)
+
+
 def test_errors_of_the_function_are_told_where_they_are():
     def limited(t, y, top=2.0):
         if y[0] > top:
             raise ValueError("too high")
-        return [1.0, 0.0]
+        return 1.0, 0.0
 
     scene = scene_from_function(limited, [0, 5], compiled=True)
     for method in ("rk4", "gauss2"):
@@ -265,7 +278,7 @@ def test_bounds_of_settled_solutions_hold():
     assert found.error.max() < 1e-12
     rough = settled_solution(compiled, times, digits=6)
     assert found.error.max() < rough.error.max() < 1e-4
-    jumping = scene_from_function(lambda y: [y[1], -y[0] - (1.0 if y[0] > 0 else 0.0)], [1, 0], name="jumping")
+    jumping = scene_from_function(lambda y: (y[1], -y[0] - (1.0 if y[0] > 0 else 0.0)), [1, 0], name="jumping")
     half = math.acos(0.5)  # y = 2 cos t − 1 until it vanishes
     late = settled_solution(jumping, [half + 0.5], digits=6)
     end = -math.sqrt(3) * math.sin(0.5)
@@ -319,7 +332,7 @@ if __name__ == "__main__":
         total = 0.0
         for weight in weights:
             total -= weight*y[0]
-        return [y[1], total if y[0] > 0 else 2*total]
+        return y[1], total if y[0] > 0 else 2*total
     scene = scene_from_function(rate, [0.1, 0])
     y0 = np.random.default_rng(1).normal(size=(8, 2))
     ends = [
