@@ -1,7 +1,9 @@
 """The error that every misuse of this package raises."""
 
+from foundation.sentences import SentenceError
 
-class TreeError(ValueError):
+
+class TreeError(SentenceError):
     """A tree, a text for a tree, or a request about trees that cannot be served.
 
     The message names the argument, what it must be, and what it was.

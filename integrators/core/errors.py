@@ -4,8 +4,10 @@ from collections.abc import Iterable
 from numbers import Rational
 from typing import Any
 
+from foundation.sentences import SentenceError
 
-class IntegratorError(ValueError):
+
+class IntegratorError(SentenceError):
     """A tableau, file, formula or method name that cannot be used.
 
     The message names the argument, what it must be, and what it was.
