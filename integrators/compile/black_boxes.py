@@ -1,7 +1,8 @@
 """Machine code of black boxes: functions of Python in generated code.
 
 Generated code passes one array, with room for the values after the arguments. A function that fails cannot raise an
-error through machine code of steps: its values are nan, and its error is kept for the thread, see `failure`.
+error through machine code of steps: its values are nan, and its error is kept for the thread, see `failure`. Machine
+code lives as long as the steps that contain it, or, where it is called from elsewhere, as the black box.
 """
 
 from __future__ import annotations
@@ -9,17 +10,19 @@ from __future__ import annotations
 import ctypes
 import dis
 import math
-import re
 import threading
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from functools import lru_cache, partial
 from itertools import pairwise
 from types import FunctionType
-from typing import Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
 
 from foundation.extras import optional_module
+from foundation.machine_code import FUNCTION, MachineCode
+from integrators.compile.c_functions import data
 from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
@@ -30,39 +33,21 @@ from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
+if TYPE_CHECKING:
+    from foundation.lowering.expressions import Written
+
 _DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
 
+VALUES: Any = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
+"""void call(double *a)."""
+
 SOURCE = '''\
-"""A function of Python in generated code."""
-
-from numba import carray, njit
-from integrators.compile.machine import OPTIONS
-
-NAN = float("nan")
+"""The values of a function of Python, put after its arguments."""
 
 
-def bound(function, report):
-    """The functions that put values after the arguments: of an array, and of a pointer, without errors."""
-
-    @njit(**OPTIONS)
-    def evaluate(a):
+def store(a, values):
 {lines}
-
-    @njit(**OPTIONS)
-    def call(p):
-        a = carray(p, {total})
-        failed = False
-        try:
-            evaluate(a)
-        except Exception:
-            failed = True
-        if failed:
-            report(p)
-            for k in range({inputs}, {total}):
-                a[k] = NAN
-
-    return evaluate, call
 '''
 
 
@@ -70,7 +55,7 @@ def black_box(
     function: Callable[..., Any], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
     jacobian: BlackBox | None = None,
 ) -> BlackBox:  # fmt: skip
-    """Compile a function of Python, or take one that numba has compiled.
+    """Compile a function of Python, or one that numba has compiled, with its options.
 
     Raises:
         IntegratorError: Numba cannot compile it, or its value has another type or length.
@@ -109,58 +94,75 @@ def _with_tuples(function: FunctionType) -> FunctionType:
     return made
 
 
-def kernel(key: str) -> Any:
-    """The function of generated code with this key, call(p) of a pointer."""
-    return _compiled(box_of(key))[1]
+def written(key: str) -> Written:
+    """The black box with this key, in code that is lowered with its callers."""
+    from foundation.lowering.expressions import Written
+    from integrators.compile.user_functions import write_call
+
+    return Written(partial(write_call, *_parts(box_of(key))))
+
+
+def address_of(key: str) -> int:
+    """The address of the C function of the black box with this key, which whoever knows it must keep."""
+    return _kept(box_of(key)).address
 
 
 @cached_method
-def _compiled(box: BlackBox) -> tuple[Any, Any]:
-    """The functions of an array and of a pointer. They live as long as the box: machine code calls `report`."""
-    stored = _stored(_value_type(box), "values", box.shape, str(box.inputs), box)
-    lines = [f"values = function({', '.join(_arguments(box))})", *stored]
-    text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=box.total, inputs=box.inputs)
+def _kept(box: BlackBox) -> MachineCode:
+    """The C function, kept by the box."""
+    return _compiled(box)
 
-    @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
+
+@lru_cache(maxsize=8)  # not kept by the box: SymPy's caches keep hundreds of these
+def _compiled(box: BlackBox) -> MachineCode:
+    """The C function."""
+    from foundation.lowering.objects import written_code
+    from integrators.compile.user_functions import write_values
+
+    return MachineCode(written_code(partial(write_values, *_parts(box), FUNCTION), FUNCTION))
+
+
+def _parts(box: BlackBox) -> tuple[BlackBox, Callable[..., Any], int]:
+    """What code of a black box is written from: it, what stores its values, and the address of `report`."""
+    return box, partial(_store, box), ctypes.cast(_report(box), ctypes.c_void_p).value or 0
+
+
+@cached_method
+def _report(box: BlackBox) -> Any:
+    """The C function that is called where the function of Python fails; it lives as long as the box."""
+    key = box.key
+
+    @VALUES
     def report(numbers: Any) -> None:
+        box = box_of(key)
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
-        try:
-            evaluated(box, values)
-        except Exception as error:
-            _FAILURE.error = box.name, values, error.with_traceback(None)  # which would keep the run
+        _FAILURE.error = box.name, values, _error(box, values)
 
-    return load_module(text, keep=False).bound(box.function, report)
+    return report
 
 
-def _arguments(box: BlackBox) -> Iterator[str]:
-    """The arguments of the call, slices and entries of the array a."""
-    start = 0
+def _error(box: BlackBox, values: np.ndarray) -> Exception:
+    """The error that the function raises at some arguments, as one of Python."""
+    given, named, place = [], {}, 0
     for keyword, length in box.arguments:
-        text = f"a[{start}:{start + length}]" if length else f"a[{start}]"
-        yield f"{keyword}={text}" if keyword else text
-        start += max(1, length)
-
-
-def _value_type(box: BlackBox) -> Any:
-    """Numba's type of the value."""
-    from numba import types
-
-    number, array = types.float64, types.Array(types.float64, 1, "C")
-    given = tuple(array if length else number for keyword, length in box.arguments if not keyword)
-    named = {keyword: array if length else number for keyword, length in box.arguments if keyword}
+        value = values[place : place + length] if length else float(values[place])
+        if keyword:
+            named[keyword] = value
+        else:
+            given.append(value)
+        place += max(1, length)
     try:
-        return types.Dispatcher(box.function).get_call_type(box.function.typingctx, given, named).return_type
-    except Exception as error:  # numba passes on those of others
-        raise IntegratorError(
-            f"function must be one that numba can compile, but {box.name} was not: {numba_reason(error)}"
-        ) from error
+        with np.errstate(all="ignore"):
+            getattr(box.function, "py_func", box.function)(*given, **named)
+    except Exception as error:
+        return error.with_traceback(None)  # which would keep the run
+    return ValueError(f"it must return {_size_text(box)}, but returned another number")
 
 
-def numba_reason(error: Exception) -> str:
-    """The reason why numba does not compile a function, in one line."""
-    lines = (line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", str(error)).splitlines())
-    found = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
-    return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
+def _store(box: BlackBox, kind: Any) -> Callable[..., None]:
+    """The function of Python that puts a value of numba's type behind the arguments in an array."""
+    lines = _stored(kind, "values", box.shape, str(box.inputs), box)
+    return load_module(SOURCE.format(lines="\n".join(indented(lines))), keep=False).store
 
 
 def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
@@ -205,8 +207,11 @@ def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
 
 def evaluated(box: BlackBox, values: np.ndarray) -> np.ndarray:
     """The value of a black box, with the errors that it raises."""
-    numbers = np.concatenate([values, np.empty(box.size)])
-    _compiled(box)[0](numbers)
+    numbers, code = np.concatenate([values, np.empty(box.size)]), _compiled(box)
+    forget_failure()
+    VALUES(code.address)(data(numbers))
+    if _FAILURE.error is not None:
+        raise _FAILURE.error[-1]
     return numbers[box.inputs :]
 
 

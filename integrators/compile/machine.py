@@ -128,6 +128,17 @@ def call_observer(typing_context: Any, address: Any, t: Any, y: Any, out: Any) -
 
 
 @intrinsic
+def call_values(typing_context: Any, address: Any, values: Any) -> Any:
+    """Call the C function void (double *values) at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        _call(builder, ir.VoidType(), *arguments)
+        return context.get_dummy_value()
+
+    return types.void(WHOLE, DOUBLES), codegen
+
+
+@intrinsic
 def call_steps(
     typing_context: Any, address: Any, state: Any, compensation: Any, memory: Any, control: Any, numbers: Any,
     work: Any, h: Any, steps: Any, fresh: Any,

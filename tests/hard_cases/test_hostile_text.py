@@ -30,7 +30,7 @@ TABLEAU = {
     name: (lambda text: import_tableau(text, None, fractions=True), export_tableau("bogacki-shampine32", name))
     for name in FORMATS
 }
-RK4 = bs.method("rk4")
+RK4 = bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="midpoint", reference="Runge")
 READERS = {
     **TABLEAU,
     "plain": (import_tableau, "A = [[0, 0], [1/2, 0]]; b = [0, 1]"),
