@@ -3,51 +3,44 @@
 from __future__ import annotations
 
 import os
-import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
-_SAFE = "PYTHONSAFEPATH"
+from foundation.interrupts import uninterrupted
 
 
 @contextmanager
-def safe_path() -> Iterator[None]:
-    """Python, where it is started in this block, imports nothing from the working directory."""
-    before = os.environ.get(_SAFE)
-    os.environ[_SAFE] = "1"
+def _environment(name: str, value: str) -> Iterator[None]:
+    """Set a variable of the environment in this block."""
+    before = os.environ.get(name)
+    os.environ[name] = value
     try:
         yield
     finally:
         if before is None:
-            os.environ.pop(_SAFE, None)
+            os.environ.pop(name, None)
         else:
-            os.environ[_SAFE] = before
+            os.environ[name] = before
 
 
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let an interrupt come after this block; processes and threads that are started in it are never interrupted."""
-    mask = getattr(signal, "pthread_sigmask", None)
-    if mask is None:  # Windows
-        yield
-        return
-    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        mask(signal.SIG_SETMASK, before)
+def safe_path() -> AbstractContextManager[None]:
+    """Python, where it is started in this block, imports nothing from the working directory."""
+    return _environment("PYTHONSAFEPATH", "1")
 
 
 def start_tracker() -> None:
-    """Start the process that frees shared locks, which others would start, and then let interrupts through."""
+    """Start the process that frees shared locks, which others would start, and then let interrupts through.
+
+    It says nothing about the locks of killed processes.
+    """
     if os.name == "posix":
         from multiprocessing.resource_tracker import ensure_running
 
-        with safe_path(), uninterrupted():
+        with _environment("PYTHONWARNINGS", "ignore"), safe_path(), uninterrupted():
             ensure_running()
 
 

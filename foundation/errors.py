@@ -3,11 +3,25 @@
 from collections.abc import Iterable
 from numbers import Rational
 
+MOST = 1000
+"""Characters of a sentence; a longer one loses its middle."""
+
+
+def plain(text: str) -> str:
+    """Text in one line: spaces in place of line ends, escapes in place of what cannot be shown.
+
+    Example:
+        >>> print(plain("name must be text,\\nbut was \\x1b[31m, \\ud800"))
+        name must be text, but was \\x1b[31m, \\ud800
+    """
+    return "".join(x if x.isprintable() else " " if x.isspace() else ascii(x)[1:-1] for x in text)
+
 
 class BSeriesError(ValueError):
     """What cannot be done with some arguments: base class of TreeError, IntegratorError and SeriesError.
 
-    The message names the argument, what it must be, and what it was.
+    The message names the argument, what it must be, and what it was. It is one sentence that every terminal and every
+    encoding can show, whatever text of users it quotes.
 
     Example:
         >>> import bseries as bs
@@ -17,6 +31,10 @@ class BSeriesError(ValueError):
         ...     print(error)
         scene must be one of the catalogue, but was 'keppler'; did you mean kepler?
     """
+
+    def __init__(self, sentence: str = "") -> None:
+        text = plain(str(sentence))
+        super().__init__(text if len(text) <= MOST else f"{text[: MOST // 2]} ... {text[-MOST // 3 :]}")
 
 
 def shorten(text: str, length: int = 60) -> str:

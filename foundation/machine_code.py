@@ -33,6 +33,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from foundation.interrupts import outside_llvmlite
+
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
 """Errors of a place without write access, or of a file that another process has just written."""
@@ -207,6 +209,7 @@ class MachineCode:
         address: The address of the function.
     """
 
+    @outside_llvmlite()
     def __init__(self, code: ObjectCode):
         """Load object code."""
         from llvmlite import binding

@@ -1,12 +1,15 @@
 """The `bseries` command. One file per verb group; nothing is imported before it is needed."""
 
+import atexit
 import gc
 import os
 import signal
 import sys
+from types import FrameType
 from typing import Any
 
 from bseries_command import INTERRUPTED
+from foundation.interrupts import in_llvmlite, interrupt_soon
 
 ALLOCATIONS = 500_000
 """Objects made between two searches for garbage, more than imports make.
@@ -35,7 +38,8 @@ def main() -> None:
 class Interrupts:
     """Ctrl-C as KeyboardInterrupt, even where Python would only print it: in finalizers and callbacks.
 
-    Modules that are being loaded may turn it into another error; `came` tells that there was one.
+    Modules that are being loaded may turn it into another error; `came` tells that there was one. It waits
+    for llvmlite.
     """
 
     def __init__(self) -> None:
@@ -44,18 +48,19 @@ class Interrupts:
         if self._is_heard:
             signal.signal(signal.SIGINT, self._interrupt)
             sys.unraisablehook = self._ignored
+            # Registered first, this is called last: Python then restores the default action, a death without exit code.
+            atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
-    def _interrupt(self, *_: object) -> None:
-        self.came = True
-        raise KeyboardInterrupt
+    def _interrupt(self, _: int, frame: FrameType | None) -> None:
+        if in_llvmlite(frame):
+            interrupt_soon()
+        else:
+            self.came = True
+            raise KeyboardInterrupt
 
     def _ignored(self, problem: Any) -> None:
         if issubclass(problem.exc_type, KeyboardInterrupt):
-            from threading import Timer
-
-            again = Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))  # after this hook
-            again.daemon = True
-            again.start()
+            interrupt_soon()  # after this hook
         else:
             sys.__unraisablehook__(problem)
 

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 import click
 
 from bseries_command import INTERRUPTED
+from foundation.errors import plain
 from foundation.extras import MissingPackage
 from integrators.core.errors import suggestion
 
@@ -140,7 +141,7 @@ def _quiet_ends() -> Iterator[None]:
 def say(kind: str, sentence: str) -> None:
     """One line on stderr: ``bseries: error: …`` or ``bseries: warning: …``."""
     with suppress(OSError):  # the reader is gone; the exit code reports it
-        click.echo(f"bseries: {kind}: {' '.join(sentence.split())}", err=True)
+        click.echo(f"bseries: {kind}: {plain(' '.join(sentence.split()))}", err=True)
 
 
 def check_environment() -> None:

@@ -16,6 +16,7 @@ from math import floor
 from typing import TYPE_CHECKING
 
 from bseries.exceptions import SeriesError
+from foundation.interrupts import mapped
 from foundation.lowering.flat_kernels import flat_kernel
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def exact_integers(
         wanted = bits[known] + max(0, growth[-1] - growth[known]) - have
         more = primes_beyond(max(wanted, 1), avoid * math.prod(primes))
         primes += more
-        residues += threads().map(run, more) if SMALL < offsets[-1] <= LARGE else map(run, more)
+        residues += mapped(threads(), run, more) if SMALL < offsets[-1] <= LARGE else map(run, more)
         rooms = [int(sum(math.log2(p) - 1e-9 for p in primes)) + (WORD if low is not None else -1)] * len(bits)
     return _joined([*found, part(offsets[len(found)], None)]) if primes or low is None else low
 

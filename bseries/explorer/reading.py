@@ -82,8 +82,9 @@ def checked_method(method: Method) -> Method:
 
 def _without_digits(text: str) -> tuple[str, int | None]:
     """Rows of a tableau, and the number of digits on a last line of its own."""
-    found = re.fullmatch(r"([^={]*[\n;][^={]*)[\n;]\s*digits\s*=\s*(\d{1,9})[\s;]*", text)
-    return (found[1], int(found[2])) if found else (text, None)
+    rows, _, last = text.rstrip("; \t\r\n").replace("\n", ";").rpartition(";")
+    found = re.fullmatch(r"\s*digits\s*=\s*([0-9]{1,9})", last)
+    return (rows, int(found[1])) if found and ";" in rows and not {"=", "{"} & set(rows) else (text, None)
 
 
 def _method_of_rows(rows: list[list[str]], digits: int | None) -> Method:

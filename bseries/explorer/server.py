@@ -26,6 +26,7 @@ from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShap
 from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
+from foundation.errors import plain
 from foundation.extras import optional_module
 from integrators import catalogue, scene_catalogue
 
@@ -356,8 +357,7 @@ class OneLine(logging.Formatter):
         parts = [record.getMessage(), f"{type(error).__name__}: {error}" if error else ""]
         (first, *_), said = parts[0].splitlines() or [""], " ".join(parts[1].split())
         text = f"{first}: {said}" if said and said not in first else first
-        plain = "".join(x if x.isprintable() else " " for x in text)
-        return f"bseries: {record.levelname.lower()}: {plain:.300}"
+        return f"bseries: {record.levelname.lower()}: {plain(text):.300}"
 
 
 def log_in_lines() -> None:

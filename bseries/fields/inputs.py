@@ -9,6 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
+from foundation.interrupts import mapped
 from integrators.core.errors import shorten, shown
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
 
     share = max(1, math.ceil(size / workers))
     with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
+        list(mapped(pool, work, [slice(k, min(k + share, size)) for k in range(0, size, share)]))
 
 
 def check_smooth(formula: sympy.Expr) -> None:

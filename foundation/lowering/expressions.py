@@ -73,6 +73,12 @@ class Value(NamedTuple):
     llvm: Any
 
 
+class Written(NamedTuple):
+    """A function of a module that writes its own code where it is called."""
+
+    write: Callable[..., Value]  # of the unit, the builder and the arguments
+
+
 class Expressions(ast.NodeVisitor):
     """Writes the expressions in the body of a function.
 
@@ -179,6 +185,8 @@ class Expressions(ast.NodeVisitor):
                 exceeds = self._call(EXTREMES[function], other, chosen).llvm
                 chosen = Value(chosen.type, self.builder.select(exceeds, other.llvm, chosen.llvm))
             return chosen
+        if isinstance(function, Written):
+            return function.write(self.unit, self.builder, *arguments)
         if not isinstance(function, FunctionType):
             return self._call(function, *arguments)
         return self.unit.call(self.builder, function, arguments)

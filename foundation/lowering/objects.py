@@ -18,6 +18,7 @@ from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 
+from foundation.interrupts import outside_llvmlite
 from foundation.lowering.units import Unit
 from foundation.machine_code import FUNCTION, ObjectCode, c_address
 
@@ -61,6 +62,7 @@ def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode:
     return written_code(partial(_write, function, signature), function.__name__, **options)
 
 
+@outside_llvmlite()
 @global_compiler_lock
 def written_code(write: Callable[[Unit], None], name: str, **options: Any) -> ObjectCode:
     """Compile the C function `FUNCTION` that `write` puts into an empty module, with options of numba."""

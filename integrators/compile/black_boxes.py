@@ -1,17 +1,18 @@
 """Machine code of black boxes: functions of Python in generated code.
 
 Generated code passes one array, with room for the values after the arguments. A function that fails cannot raise an
-error through machine code of steps: its values are nan, and its error is kept for the thread, see `failure`.
+error through machine code of steps: its values are nan, and its error is kept for the thread, see `failure`. Machine
+code lives as long as the steps that contain it, or, where it is called from elsewhere, as the black box.
 """
 
 from __future__ import annotations
 
 import ctypes
 import math
-import re
 import threading
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from functools import lru_cache, partial
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 from weakref import WeakValueDictionary
@@ -19,6 +20,8 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from foundation.extras import optional_module
+from foundation.machine_code import FUNCTION, MachineCode
+from integrators.compile.c_functions import data
 from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
@@ -30,49 +33,29 @@ from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
-    from numba import types
+    from foundation.lowering.expressions import Written
 
 _DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
+_LISTED = set[str]()  # keys of functions that return lists
+
+VALUES: Any = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
+"""void call(double *a)."""
 
 SOURCE = '''\
-"""A function of Python in generated code."""
-
-from numba import carray, njit
-from integrators.compile.machine import OPTIONS
-
-NAN = float("nan")
+"""The values of a function of Python, put after its arguments."""
 
 
-def bound(function, report):
-    """The functions that put values after the arguments: of an array, and of a pointer, without errors."""
-
-    @njit(**OPTIONS)
-    def evaluate(a):
+def store(a, values):
 {lines}
-
-    @njit(**OPTIONS)
-    def call(p):
-        a = carray(p, {total})
-        failed = False
-        try:
-            evaluate(a)
-        except Exception:
-            failed = True
-        if failed:
-            report(p)
-            for k in range({inputs}, {total}):
-                a[k] = NAN
-
-    return evaluate, call
 '''
 
 
 def black_box(
-    function: Callable[..., object], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
+    function: Callable[..., Any], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
     jacobian: BlackBox | None = None,
 ) -> BlackBox:  # fmt: skip
-    """Compile a function of Python, or take one that numba has compiled.
+    """Compile a function of Python, or one that numba has compiled, with its options.
 
     Raises:
         IntegratorError: Numba cannot compile it, or its value has another type or length.
@@ -80,17 +63,15 @@ def black_box(
     Warns:
         RuntimeWarning: It returns a list.
     """
-    from numba import types
-
     box = BlackBox(dispatcher_of(function), name, arguments, shape, jacobian)
     _compiled(box)
-    if isinstance(_value_type(box), types.List):
+    if box.key in _LISTED:
         message = f"{name} should return a tuple: with the list that it returns, steps take several times as long"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
     return box
 
 
-def dispatcher_of(function: object) -> Any:
+def dispatcher_of(function: Any) -> Any:
     """The function as one of numba; the same one for functions with the same text and frozen values."""
     numba = optional_module("numba", "a function without formulas")
     if hasattr(function, "py_func") and hasattr(function, "get_call_template"):  # made by numba's decorators
@@ -106,61 +87,82 @@ def dispatcher_of(function: object) -> Any:
     return found
 
 
-def kernel(key: str) -> Callable[..., None]:
-    """The function of generated code with this key, call(p) of a pointer."""
-    return _compiled(box_of(key))[1]
+def written(key: str) -> Written:
+    """The black box with this key, in code that is lowered with its callers."""
+    from foundation.lowering.expressions import Written
+    from integrators.compile.user_functions import write_call
+
+    return Written(partial(write_call, *_parts(box_of(key))))
+
+
+def address_of(key: str) -> int:
+    """The address of the C function of the black box with this key, which whoever knows it must keep."""
+    return _kept(box_of(key)).address
 
 
 @cached_method
-def _compiled(box: BlackBox) -> tuple[Callable[[np.ndarray], None], Callable[..., None]]:
-    """The functions of an array and of a pointer. They live as long as the box: machine code calls `report`."""
-    stored = _stored(_value_type(box), "values", box.shape, str(box.inputs), box)
-    lines = [f"values = function({', '.join(_arguments(box))})", *stored]
-    text = SOURCE.format(lines="\n".join(indented(indented(lines))), total=box.total, inputs=box.inputs)
+def _kept(box: BlackBox) -> MachineCode:
+    """The C function, kept by the box."""
+    return _compiled(box)
 
-    @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
-    def report(numbers: object) -> None:
+
+@lru_cache(maxsize=8)  # not kept by the box: SymPy's caches keep hundreds of these
+def _compiled(box: BlackBox) -> MachineCode:
+    """The C function."""
+    from foundation.lowering.objects import written_code
+    from integrators.compile.user_functions import write_values
+
+    return MachineCode(written_code(partial(write_values, *_parts(box), FUNCTION), FUNCTION))
+
+
+def _parts(box: BlackBox) -> tuple[BlackBox, Callable[..., Any], int]:
+    """What code of a black box is written from: it, what stores its values, and the address of `report`."""
+    return box, partial(_store, box), ctypes.cast(_report(box), ctypes.c_void_p).value or 0
+
+
+@cached_method
+def _report(box: BlackBox) -> Any:
+    """The C function that is called where the function of Python fails; it lives as long as the box."""
+    key = box.key
+
+    @VALUES
+    def report(numbers: Any) -> None:
+        box = box_of(key)
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
-        try:
-            evaluated(box, values)
-        except Exception as error:
-            _FAILURE.error = box.name, values, error.with_traceback(None)  # which would keep the run
+        _FAILURE.error = box.name, values, _error(box, values)
 
-    return load_module(text, keep=False).bound(box.function, report)
+    return report
 
 
-def _arguments(box: BlackBox) -> Iterator[str]:
-    """The arguments of the call, slices and entries of the array a."""
-    start = 0
+def _error(box: BlackBox, values: np.ndarray) -> Exception:
+    """The error that the function raises at some arguments, as one of Python."""
+    given, named, place = [], {}, 0
     for keyword, length in box.arguments:
-        text = f"a[{start}:{start + length}]" if length else f"a[{start}]"
-        yield f"{keyword}={text}" if keyword else text
-        start += max(1, length)
+        value = values[place : place + length] if length else float(values[place])
+        if keyword:
+            named[keyword] = value
+        else:
+            given.append(value)
+        place += max(1, length)
+    try:
+        with np.errstate(all="ignore"):
+            getattr(box.function, "py_func", box.function)(*given, **named)
+    except Exception as error:
+        return error.with_traceback(None)  # which would keep the run
+    return ValueError(f"it must return {_size_text(box)}, but returned another number")
 
 
-def _value_type(box: BlackBox) -> types.Type:
-    """Numba's type of the value."""
+def _store(box: BlackBox, kind: Any) -> Callable[..., None]:
+    """The function of Python that puts a value of numba's type behind the arguments in an array."""
     from numba import types
 
-    number, array = types.float64, types.Array(types.float64, 1, "C")
-    given = tuple(array if length else number for keyword, length in box.arguments if not keyword)
-    named = {keyword: array if length else number for keyword, length in box.arguments if keyword}
-    try:
-        return types.Dispatcher(box.function).get_call_type(box.function.typingctx, given, named).return_type
-    except Exception as error:  # numba passes on those of others
-        raise IntegratorError(
-            f"function must be one that numba can compile, but {box.name} was not: {numba_reason(error)}"
-        ) from error
+    if isinstance(kind, types.List):
+        _LISTED.add(box.key)
+    lines = _stored(kind, "values", box.shape, str(box.inputs), box)
+    return load_module(SOURCE.format(lines="\n".join(indented(lines))), keep=False).store
 
 
-def numba_reason(error: Exception) -> str:
-    """The reason why numba does not compile a function, in one line."""
-    lines = (line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", str(error)).splitlines())
-    found = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
-    return shorten(found[0].rstrip("."), 200) if found else type(error).__name__
-
-
-def _stored(kind: types.Type, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
+def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
     """Statements that store a value, or a part of it, of numba's type `kind` from a place on."""
     from numba import types
 
@@ -195,15 +197,18 @@ def _size_text(box: BlackBox) -> str:
     return "one number" if box.size == 1 else " times ".join(map(str, box.shape)) + " numbers"
 
 
-def _refuse_value(box: BlackBox, kind: types.Type) -> NoReturn:
+def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
     """Refuse a value of numba's type `kind`."""
     raise IntegratorError(f"function must return {_size_text(box)}, but {box.name} returned the type {shown(kind)}")
 
 
 def evaluated(box: BlackBox, values: np.ndarray) -> np.ndarray:
     """The value of a black box, with the errors that it raises."""
-    numbers = np.concatenate([values, np.empty(box.size)])
-    _compiled(box)[0](numbers)
+    numbers, code = np.concatenate([values, np.empty(box.size)]), _compiled(box)
+    forget_failure()
+    VALUES(code.address)(data(numbers))
+    if _FAILURE.error is not None:
+        raise _FAILURE.error[-1]
     return numbers[box.inputs :]
 
 

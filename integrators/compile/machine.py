@@ -142,6 +142,17 @@ def call_observer(typing_context: object, address: object, t: object, y: object,
 
 
 @intrinsic
+def call_values(typing_context: Any, address: Any, values: Any) -> Any:
+    """Call the C function void (double *values) at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        _call(builder, ir.VoidType(), *arguments)
+        return context.get_dummy_value()
+
+    return types.void(WHOLE, DOUBLES), codegen
+
+
+@intrinsic
 def call_steps(
     typing_context: object, address: object, state: object, compensation: object, memory: object, control: object,
     numbers: object, work: object, h: object, steps: object, fresh: object,

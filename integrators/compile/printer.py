@@ -263,6 +263,16 @@ MAX_KEPT_DATA = 100_000
 """Numbers in a constant array beyond which machine code is not cached on disk (a megabyte)."""
 KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
+WRITTEN = '{box}{key} = written("{key}")'
+CALLED = """\
+address_{key} = address_of("{key}")
+
+
+@compiled
+def {box}{key}(a):
+    call_values(address_{key}, a)
+"""
+"""A black box in generated code: written with its callers, or called by functions that numba compiles and keeps."""
 
 SCENE_FUNCTIONS = '''\
 """The field f of y' = f(y) and its observables in double precision.
@@ -316,12 +326,12 @@ class ModuleText:
         imports = ["import numpy as np"] * bool(self._arrays) + [f"from math import {called}"] * bool(called)
         boxes = sorted(set(re.findall(rf"\b{BOX}(\w+)\(", bodies)))
         if boxes:
-            imports.append("from integrators.compile.black_boxes import kernel")
+            imports.append("from integrators.compile.black_boxes import address_of, written")
         if template is None and boxes:
-            imports += [COMPILED, "from integrators.compile.machine import stack"]
+            imports += [COMPILED, "from integrators.compile.machine import call_values, stack"]
         elif template is None:
             imports.append(KEPT if all(len(texts) <= MAX_KEPT_DATA for texts in self._arrays) else COMPILED)
-        constants = [f'{BOX}{key} = kernel("{key}")' for key in boxes]
+        constants = [(CALLED if template is None else WRITTEN).format(box=BOX, key=key) for key in boxes]
         for texts, name in self._arrays.items():
             constants += [f"{name} = np.array([", *indented(wrap(f"{', '.join(texts)},", MAX_WIDTH)), "])"]
         head = (template or SCENE_FUNCTIONS).format(

@@ -6,10 +6,11 @@ import os
 import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
+from foundation.interrupts import uninterrupted
 from integrators.core.errors import IntegratorError, shorten, shown, suggestion
 
 MAX_BYTES = 10_000_000
@@ -97,8 +98,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         if os.path.isfile(target) and not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
         remove_unfinished(target)
-        with _temporary_file(target) as file:
-            temporary = file.name
+        with ExitStack() as opened:
+            with uninterrupted():
+                file = opened.enter_context(_temporary_file(target))
+                temporary = file.name
             yield file
             file.flush()
             os.fsync(file.fileno())
@@ -115,7 +118,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         raise IntegratorError(f"{shorten(name, 200)} must be a writable file, but was not: {reason}") from None
     finally:
         if temporary is not None:
-            with suppress(FileNotFoundError):
+            with uninterrupted(), suppress(FileNotFoundError):
                 os.unlink(temporary)
 
 

@@ -18,8 +18,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from foundation.children import Children, end_with_parent, safe_path, start_tracker, uninterrupted
+from foundation.children import Children, end_with_parent, safe_path, start_tracker
 from foundation.extras import loaded_module, optional_module
+from foundation.interrupts import mapped, uninterrupted
 from foundation.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
@@ -57,10 +58,7 @@ PATIENCE = 0.1
 
 @dataclass(eq=False)
 class Members:
-    """The common arguments of all members, see `ensemble`; pickled as bytes that each process unpacks once.
-
-    Setting `is_stopped` cancels members that run in threads.
-    """
+    """The common arguments of all members, see `ensemble`; pickled as bytes that each process unpacks once."""
 
     scene: Scene
     method: Method
@@ -82,6 +80,10 @@ class Members:
 
     def __reduce__(self) -> tuple[object, ...]:
         return _restored, (self.packed,)
+
+    def stop(self) -> None:
+        """Cancel members that run in threads."""
+        self.is_stopped = True
 
     @cached_property
     def packed(self) -> bytes:
@@ -295,7 +297,7 @@ def ensemble(
     if executor != "threads" and not isinstance(executor, ThreadPoolExecutor):
         _ = work.packed  # refused here if it cannot be pickled
     folder = None if checkpoint is None else block_folder(checkpoint, same)
-    compute = partial(results_in_order, executor, workers, Members.block)
+    compute = partial(results_in_order, executor, workers, Members.block, stop=work.stop)
     with closing(_blocks(work, starts, count, folder, compute, progress)) as blocks:
         whole = merged_blocks(blocks)
     t = work.t0 + work.h * work.step_numbers
@@ -390,38 +392,35 @@ def _blocks(
     missing = [span for span, block in zip(spans, stored, strict=True) if block is None]
     tasks = [(work, span, None if starts is None else starts[span.start : span.stop]) for span in missing]
     with closing(compute(tasks)) as results:
-        try:
-            for number, span in enumerate(spans):
-                block, stored[number] = stored[number], None
-                if block is None:
-                    block = next(results)
-                    save_block(folder, number, block)
-                if progress is not None:
-                    progress(span.stop, count)
-                yield block
-        finally:
-            work.is_stopped = True
+        for number, span in enumerate(spans):
+            block, stored[number] = stored[number], None
+            if block is None:
+                block = next(results)
+                save_block(folder, number, block)
+            if progress is not None:
+                progress(span.stop, count)
+            yield block
 
 
 def results_in_order(
-    executor: Executor | str, workers: int | None, function: Callable[..., T], tasks: Sequence[tuple[object, ...]]
-) -> Generator[T, None, None]:
+    executor: Executor | str, workers: int | None, function: Callable[..., T], tasks: Sequence[tuple[object, ...]],
+    stop: Callable[[], object] = lambda: None,
+) -> Generator[T, None, None]:  # fmt: skip
     """Results of a function for the arguments of each task, in the order of the tasks.
 
     If workers of a pool created here are lost, a new one runs the unfinished tasks; other executors stay open, and
-    repeat tasks themselves, if at all.
+    repeat tasks themselves, if at all. At the end, however it comes, `stop` cancels what runs in threads, for which a
+    pool waits.
     """
     losses, distributed = 0, loaded_module("distributed")
     lost = (BrokenExecutor,) if distributed is None else (BrokenExecutor, distributed.KilledWorker)
     while tasks:
         try:
-            with _opened(executor, workers) as pool:
-                with uninterrupted():
-                    begun = pool.map(function, *zip(*tasks, strict=True))
-                with closing(begun) as results:
-                    for result in results:
-                        yield result
-                        tasks, losses = tasks[1:], 0
+            with _opened(executor, workers) as pool, ExitStack() as ended:
+                ended.callback(stop)  # before the pool waits
+                for result in ended.enter_context(closing(mapped(pool, function, *zip(*tasks, strict=True)))):
+                    yield result
+                    tasks, losses = tasks[1:], 0
         except lost as error:
             losses += 1
             if isinstance(executor, Executor) or losses == MOST_LOSSES:

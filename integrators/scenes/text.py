@@ -127,7 +127,7 @@ def _read_equations(text: object) -> dict[str, str]:
         if len(primes or "") > 1:
             raise IntegratorError(
                 f"equations must be of first order, but one was {shorten(line.strip())!r}: "
-                f"write {name}' = v; v{primes[1:]} = {shorten(formula.strip())} with a name v of your own"
+                f"write {name}' = v; v{shorten(primes[1:])} = {shorten(formula.strip())} with a name v of your own"
             )
         if name in field:
             raise IntegratorError(f"equations must be one for each variable, but {shorten(name)} had two")

@@ -10,11 +10,19 @@ import warnings
 import pytest
 
 import bseries as bs
+from bseries.cli.application import Refusal
+from bseries.cli.options.values import EXACT, REALS
+from bseries.course.answers import check_answers
+from bseries.explorer.reading import MOST_CHARACTERS, read_method, read_positive, read_scene
+from foundation.errors import MOST
 from integrators import parse_hamiltonian, parse_scene
+from integrators.exact.expressions import parse_expression, parse_number
 from integrators.methods import export_tableau, import_tableau
 from integrators.methods.exchange.tableaus import FORMATS
+from integrators.methods.tableaux.files import dumps_method, loads_method
 from integrators.scenes.text import loads_scene
 from trees import Tree
+from trees.hopf import Forest
 
 LONG = 200_000
 SERIES = {name: json.dumps(bs.series(name, 3).to_dict()) for name in ("rk4", "sdirk2", "tsit5")}
@@ -22,6 +30,7 @@ TABLEAU = {
     name: (lambda text: import_tableau(text, None, fractions=True), export_tableau("bogacki-shampine32", name))
     for name in FORMATS
 }
+RK4 = bs.RungeKutta([[0, 0], ["1/2", 0]], [0, 1], name="midpoint", reference="Runge")
 READERS = {
     **TABLEAU,
     "plain": (import_tableau, "A = [[0, 0], [1/2, 0]]; b = [0, 1]"),
@@ -39,6 +48,22 @@ READERS = {
         'hamiltonian = "(p1^2 + p2^2)/2"\nstart = {p = [0, 1], q = ["1/2", 2]}',
     ),
     **{f"series of {name}": (bs.load_series, text) for name, text in SERIES.items()},
+    **{
+        f"methods in {format}": (lambda text, format=format: loads_method(text, format), dumps_method(RK4, format))
+        for format in ("json", "toml")
+    },
+    "forests": (Forest, "τ·[τ]^2·[τ,[τ]]"),
+    "numbers": (lambda text: parse_number(text, names=("mu",)), "mu^2 - root(3,5)^-2*cos(pi/7) + 1e-5"),
+    "formulas": (lambda text: parse_expression(text, names=("x", "y")), "sin(x)^2/y - exp(x*y) + cbrt(abs(y))"),
+    "answers": (check_answers, "1d = no  # it is symmetric\n14c = cos(2*q)/48 - p^2*cos(q)/24"),
+    "steps": (lambda text: EXACT.convert(text, None, None), "2*pi/100"),
+    "values": (lambda text: REALS.convert(text, None, None), "1/10, 0.2, sqrt(2)"),
+    "explorer's methods": (
+        lambda text: read_method(text[:MOST_CHARACTERS]),
+        "0 | 0 0\n1/2 | 1/2 0\n | 0 1\ndigits = 15",
+    ),
+    "explorer's scenes": (lambda text: read_scene(*text.split("@", 1)), "p' = -sin(q); q' = p@p=0; q=-3/2"),
+    "explorer's spans": (lambda text: read_positive(text, "span", 20.0, 1e4), "2*pi"),
 }
 PIECES = (
     *"()[]{}\"'\\,;:=+-*/^.#_ \n\t\x00",
@@ -90,9 +115,10 @@ def outcome(read, text):
         warnings.simplefilter("ignore")
         try:
             return read(text)
-        except bs.errors as error:
+        except (*bs.errors, Refusal) as error:
             sentence = str(error)
-    assert len(sentence) < 1000
+    assert len(sentence) <= MOST
+    assert sentence.isprintable()
     return None
 
 
@@ -113,6 +139,7 @@ REPEATED = (
 BEGINNINGS = ("", "A = [", "A = {", "ButcherTableau ", "ExplicitRKTableau ", '"', "[", "p' = ", "# 1 1 ", 'name = "')
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", READERS)
 def test_long_texts_are_read_once(name):
     read, _ = READERS[name]

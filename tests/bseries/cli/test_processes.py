@@ -245,14 +245,61 @@ except KeyboardInterrupt:
 
 
 @POSIX
+def test_interrupts_at_the_very_end_change_nothing():
+    """Python gives signals their default action before it frees its modules."""
+    script = """
+import os, signal, sys
+
+class Late:
+    def __del__(self, kill=os.kill, pid=os.getpid(), number=signal.SIGINT):
+        kill(pid, number)
+
+sys.late = Late()
+from bseries_command import main
+sys.argv = ["bseries", "completion", "bash"]
+main()
+"""
+    job = process(command=[sys.executable, "-c", script])
+    out, err = job.communicate()
+    assert (bool(out), err, job.returncode) == (True, b"", 0)
+
+
+LLVMLITE = """
+import os, signal
+from bseries.cli import Interrupts
+from llvmlite.binding.ffi import ObjectRef
+
+interrupts = Interrupts()
+
+def dispose(self):
+    os.kill(os.getpid(), signal.SIGINT)
+    freed.append(self._ptr)
+
+freed, ObjectRef._dispose = [], dispose
+try:
+    ObjectRef(7).close()
+    while True:
+        pass
+except KeyboardInterrupt:
+    print(freed, interrupts.came)
+"""
+
+
+@POSIX
+def test_interrupts_wait_for_llvmlite():
+    job = process(command=[sys.executable, "-c", LLVMLITE])
+    assert (*job.communicate(), job.returncode) == (b"[7] True\n", b"", 0)
+
+
+@POSIX
 @pytest.mark.slow
-@pytest.mark.parametrize("more", [[], PROCESSES, [*PROCESSES[:-1], "--scheduler", "local"]])
+@pytest.mark.parametrize("more", [[], PROCESSES[:-1], PROCESSES, [*PROCESSES[:-1], "--scheduler", "local"]])
 @pytest.mark.parametrize("is_group", [True, False])
 def test_interrupts_of_runs_give_one_line(more, is_group):
     """A terminal sends SIGINT to all processes of a group, other programs to one."""
     job = process(*LONG, "--no-predict", *more, start_new_session=True)
-    workers = children_of(job, 2) if more else []
-    time.sleep(1)
+    workers = children_of(job, 2) if len(more) >= len(PROCESSES) else []
+    time.sleep(2)
     (os.killpg if is_group else os.kill)(job.pid, signal.SIGINT)
     out, err = job.communicate(timeout=60)
     assert (job.returncode, out) == (130, b"")
@@ -267,7 +314,7 @@ def test_processes_end_with_their_parent(number):
     job = process(*LONG, *PROCESSES)
     workers = children_of(job, 2)
     job.send_signal(number)
-    job.communicate(timeout=60)
+    assert job.communicate(timeout=60) == (b"", b"")
     assert not psutil.wait_procs(workers, timeout=10)[1]
 
 

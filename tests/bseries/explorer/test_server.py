@@ -151,7 +151,7 @@ def test_logs_have_one_line_for_each_record():
         raise ValueError("one\ntwo\x1b")
     except ValueError:
         record = logging.makeLogRecord({"levelname": "ERROR", "msg": "message\nmore", "exc_info": sys.exc_info()})
-    assert server.OneLine().format(record) == "bseries: error: message: ValueError: one two "
+    assert server.OneLine().format(record) == "bseries: error: message: ValueError: one two\\x1b"
 
 
 @pytest.mark.slow

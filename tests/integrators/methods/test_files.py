@@ -4,9 +4,11 @@ import io
 import json
 import math
 import os
+import signal
 import stat
 import subprocess
 import sys
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from hypothesis import strategies as st
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, StageAlgebra, TableauWarning, load_method
 from integrators import method as catalogue_method
+from integrators.core import text_files
 from integrators.core.text_files import MAX_BYTES, atomic_write, replacing
 from integrators.methods.tableaux import files as module
 from integrators.methods.tableaux.files import dumps_method, loads_method, save_method
@@ -307,6 +310,37 @@ def test_writing_replaces_at_once_and_keeps_permissions(tmp_path):
     assert path.read_text() == "linked"
     atomic_write(os.devnull, "x")
     assert not Path(os.devnull).is_file()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of a file that is closed later
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_interrupts_at_any_line_leave_no_file(tmp_path):
+    """One signal for each line of the file's code that writing runs."""
+    path, lines, hit = tmp_path / "a.txt", 0, 1
+
+    def count(frame, event, _):
+        nonlocal lines
+        lines += event == "line"
+        if lines == hit and event == "line":
+            os.kill(os.getpid(), signal.SIGINT)
+        return count
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    path.write_text("old")
+    try:
+        while lines >= hit - 1:
+            lines = 0
+            sys.settrace(lambda frame, *_: count if frame.f_code.co_filename == text_files.__file__ else None)
+            with suppress(KeyboardInterrupt):
+                atomic_write(path, "new")
+            sys.settrace(None)
+            assert os.listdir(tmp_path) == ["a.txt"]
+            assert path.read_text() in ("old", "new")
+            hit += 1
+    finally:
+        sys.settrace(None)
+        signal.signal(signal.SIGINT, before)
+    assert hit > 40
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError, OSError(28, "No space left on device")])

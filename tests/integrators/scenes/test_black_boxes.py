@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gc
 import math
 import pickle
 import subprocess
@@ -10,14 +11,18 @@ import sys
 from fractions import Fraction
 
 import numpy as np
+import psutil
 import pytest
 from numba import njit
 from scipy.integrate import solve_ivp
 
 import bseries as bs
+from foundation.machine_code import MachineCode
+from integrators.compile import black_boxes
 from integrators.compile.black_boxes import dispatcher_of
 from integrators.reference.halved_steps import settled_solution
 from integrators.scenes.functions import scene_from_function
+from integrators.steppers import stepping
 
 
 def pendulum(t, y, g=1.0):
@@ -347,3 +352,54 @@ if __name__ == "__main__":
     )
     found = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300, check=False)
     assert found.stdout.strip() == "equal", found.stderr
+
+
+def bouncing_with(k):
+    def rate(t, y):
+        return [y[1], -k * y[0] if y[0] < 0 else -1.0]
+
+    return scene_from_function(rate, [1, 0], compiled=True)
+
+
+def forget():
+    """Drop what is kept for later calls."""
+    for cache in (stepping._stepper, black_boxes._compiled):
+        cache.cache_clear()
+    gc.collect()
+
+
+@pytest.mark.slow
+def test_machine_code_is_freed_with_the_steps():
+    """Numba's own engine would keep 3 MB of each."""
+    for k in range(8):
+        bs.integrate("rk4", bouncing_with(1 + k), h=0.1, steps=10)
+    forget()
+    before, codes = psutil.Process().memory_info().rss, alive()
+    for k in range(25):
+        bs.integrate("rk4", bouncing_with(10 + k), h=0.1, steps=10)
+    forget()
+    assert alive() <= codes
+    assert psutil.Process().memory_info().rss - before < 25e6
+
+
+def alive():
+    return sum(type(thing) is MachineCode for thing in gc.get_objects())
+
+
+def test_code_that_is_called_by_its_address_lives_as_long_as_the_scene():
+    scene = bouncing_with(50)
+    field = bs.integrators.right_hand_side(scene)
+    forget()
+    assert field(0.0, [-1.0, 2.0]).tolist() == [2.0, 50.0]
+
+
+def test_arguments_in_any_order_and_with_other_defaults():
+    table = np.array([1.0, 2.0, 4.0])
+
+    def rate(t, y, /, weights=table, k=2.0, *, g=3.0):
+        return np.array([k * y[1], -g * weights[2] if y[0] > 0 else g * weights[0]])
+
+    scene = scene_from_function(rate, [1, 5], compiled=True)
+    field = bs.integrators.right_hand_side(scene.with_parameters(k=7, g=11))
+    assert field(0.0, [1.0, 5.0]).tolist() == [35.0, -44.0]
+    assert field(0.0, [-1.0, 5.0]).tolist() == [35.0, 11.0]
