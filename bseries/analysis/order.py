@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, series, series_to
-from bseries.algebra.series import check_flow
+from bseries.algebra.series import Series, check_flow
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain, inputs_of
 from bseries.algebra.uncertainty import word_uncertainties
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
@@ -365,7 +365,7 @@ def structure_order(method: Method, accuracy: int) -> int:
     return min(max(accuracy + 2, LEAST_NODES), most)
 
 
-def field_elements(b: BSeries) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
+def field_elements(b: Series) -> tuple[list[Any], Callable[[Fraction], Any], Callable[[Any], Any]]:
     """Coefficients in a field, the conversion of a Fraction to the field, and that of an element to a coefficient."""
     values: Any = b.stored
     if values.kind == "ring":
