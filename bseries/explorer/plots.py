@@ -290,7 +290,8 @@ def page_parts(
     scales: tuple[float, float, float],
 ) -> tuple[dict[str, object], dict[str, Model], ScenePlots | None]:
     """What the template says of a method and a scene, all that is drawn by name, and the pictures of the scene."""
-    variables, roots, plots = method_variables(facts, region), dict[str, Model](), None
+    roots: dict[str, Model] = {}
+    variables, plots = method_variables(facts, region), None
     if not isinstance(region, str):
         roots |= stability_plots(region)
     if scene is not None:
