@@ -13,6 +13,7 @@ from typing import IO, Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.presentation import KINDS
+from bseries.algebra.series import Series
 from bseries.algebra.uncertainty import of_errors
 from bseries.exact.domains import make_values
 from bseries.exact.number_fields import MOST_COEFFICIENT
@@ -22,10 +23,11 @@ from integrators.core.errors import shorten, shown
 from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
 from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
-from trees.counting import count_trees
+from trees.basis import Basis
+from trees.counting import check_size, count_trees
 from trees.notation import check_names
-from trees.table import tree_table
-from trees.tree import Tree
+from trees.table import TreeTable, tree_table
+from trees.words import Words
 
 MOST_BYTES = 200_000_000
 MOST_TREES = 5_000_000
@@ -44,8 +46,8 @@ def load_series(source: str | os.PathLike[str] | IO[Any]) -> BSeries:
             command with ``--format json`` for ``series``, ``modified`` or ``modifying``.
 
     Returns:
-        The series that was written: equal coefficients and, for methods published as decimals, equal digits and
-        uncertainties. Terms left out by ``nonzero`` are zero.
+        The series that was written, on rooted trees or, as a `Series`, on words: equal coefficients and, for methods
+        published as decimals, equal digits and uncertainties. Terms left out by ``nonzero`` are zero.
 
     Raises:
         SeriesError: The document is no series, lacks terms or has some twice, or has coefficients that are no formulas
@@ -76,7 +78,7 @@ def load_series(source: str | os.PathLike[str] | IO[Any]) -> BSeries:
     return _read(data)
 
 
-def _read(data: Mapping[str, Any]) -> BSeries:
+def _read(data: Mapping[str, Any]) -> Any:
     """The series of a document that has all keys."""
     colors, terms, digits, domain = data["colors"], data["terms"], data.get("digits"), data["domain"]
     check_digits(digits)
@@ -85,31 +87,32 @@ def _read(data: Mapping[str, Any]) -> BSeries:
     if not isinstance(domain, str) or not isinstance(data["method"], str):
         raise SeriesError(f"domain and method must be text, but were {shown(domain)} and {shown(data['method'])}")
     check_label(data["method"], "method")
-    names, nonzero, max_children = check_names(colors), data.get("nonzero") is True, data.get("max_children")
-    count = sum(count_trees(data["order"], len(names), max_children))
-    if (count != len(terms) and not nonzero) or not len(terms) <= count <= MOST_TREES:
-        raise SeriesError(f"terms must be those of all {count:,} trees up to the order, but were {len(terms):,}")
+    names, nonzero = check_names(colors), data.get("nonzero") is True
     if nonzero and digits is not None:
         raise SeriesError("terms must all be there for a method in decimals, but nonzero left some out")
-    table = tree_table(data["order"], len(names), max_children)
+    basis = _basis_of(data, len(names), len(terms), nonzero=nonzero)
+    what, count = basis.what[:-1], len(basis)
     values: list[Any] = [0.0 if domain == "RR" else 0] * count
     errors, known = [0.0] * count, set()
     for term in terms:
-        tree = Tree(term.get("tree", ""), names=names if len(names) > 1 else None)
-        at = table.index(tree)
+        text = term.get(what, "")
+        if not isinstance(text, str):
+            raise SeriesError(f"{what} must be text, but was {shown(text)}")
+        tree = basis.read(text, names if len(names) > 1 else None)
+        at = basis.index(tree)
         if at in known:
-            raise SeriesError(f"terms must have each tree once, but had {tree} twice")
+            raise SeriesError(f"terms must have each {what} once, but had {shorten(text)} twice")
         known.add(at)
         values[at] = _number(term.get("coefficient" if digits is None else "exact"), domain, f"coefficient of {tree}")
         error = term.get("error", 0)
         if not isinstance(error, int | Decimal) or not 0 <= error <= float_info.max:
             raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(error)}")
         errors[at] = float(error)
-    stored = make_values(table, values)
+    stored = make_values(basis, values)
     if (stored.name in ("QQ", "RR") or domain in ("QQ", "RR")) and stored.name != domain:
         raise SeriesError(f"domain must be that of the coefficients, {stored.name}, but was {shorten(domain)!r}")
-    return BSeries(
-        table,
+    return (BSeries if isinstance(basis, TreeTable) else Series)(
+        basis,
         stored,
         _number(data["empty"], None, "empty"),
         names=names,
@@ -118,6 +121,20 @@ def _read(data: Mapping[str, Any]) -> BSeries:
         digits=digits,
         uncertainty=of_errors(errors) if any("error" in term for term in terms) else None,
     )
+
+
+def _basis_of(data: Mapping[str, Any], colors: int, terms: int, *, nonzero: bool) -> Basis[Any]:
+    """The basis of a document; the number of its terms is checked before the basis is made."""
+    is_on_words = data.get("basis") == "words"
+    if is_on_words:
+        order, letters = check_size(data["order"], colors)
+        count = sum(letters**n for n in range(1, order + 1))
+    else:
+        count = sum(count_trees(data["order"], colors, data.get("max_children")))
+    if (count != terms and not nonzero) or not terms <= count <= MOST_TREES:
+        what = "words" if is_on_words else "trees"
+        raise SeriesError(f"terms must be those of all {count:,} {what} up to the order, but were {terms:,}")
+    return Words(order, letters) if is_on_words else tree_table(data["order"], colors, data.get("max_children"))
 
 
 def _number(text: Any, domain: str | None, argument: str) -> Any:

@@ -1,5 +1,6 @@
 """Bases: their cuts and texts, and the laws of the algebra on each kind, a toy kind among them."""
 
+import json
 import math
 import random
 from fractions import Fraction
@@ -200,3 +201,25 @@ def test_errors_name_the_argument():
         lie_derivative(some(Words(3), 1, 0), some(Words(4), 1, 0))
     with pytest.raises(bs.SeriesError, match="b must be a BSeries"):
         bs.substitute(some(Words(3), 1, 0), bs.method("rk4"))
+
+
+def test_documents_of_series_on_words_are_read_back():
+    for s in (bs.series("strang", Words(4)), some(Words(3, 3), 9, 0), bs.series("mclachlan4", Words(3))):
+        text = json.dumps(s.to_dict())
+        again = bs.load_series(text)
+        assert (type(again), again) == (Series, s)
+        assert again.to_dict() == s.to_dict()
+        twice = json.loads(text)
+        twice["terms"][1] = twice["terms"][0]
+        with pytest.raises(bs.SeriesError, match="terms must have each word once"):
+            bs.load_series(json.dumps(twice))
+
+
+def test_displays():
+    s = bs.algebra.bracket(*(Series.of(Words(3), lambda w, k=k: int(w == (k,)), empty=0) for k in (0, 1)))
+    assert (
+        str(s.truncate(2).to_table(nonzero=True).to_text()).splitlines()[0]
+        == "Field: words with 1 to 2 letters, powers h^0 to h^1"
+    )
+    assert s.to_latex() == "-h\\, p q + h\\, q p"
+    assert repr(s) == "<Series: 14 words to order 3, QQ>"
