@@ -24,7 +24,7 @@ from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, re
 from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
 from trees.basis import Basis
-from trees.counting import check_size, count_trees
+from trees.counting import check_order, count_trees
 from trees.notation import check_names
 from trees.table import TreeTable, tree_table
 from trees.words import Words
@@ -127,14 +127,13 @@ def _basis_of(data: Mapping[str, Any], colors: int, terms: int, *, nonzero: bool
     """The basis of a document; the number of its terms is checked before the basis is made."""
     is_on_words = data.get("basis") == "words"
     if is_on_words:
-        order, letters = check_size(data["order"], colors)
-        count = sum(letters**n for n in range(1, order + 1))
+        count = sum(colors**n for n in range(1, check_order(data["order"]) + 1))
     else:
         count = sum(count_trees(data["order"], colors, data.get("max_children")))
     if (count != terms and not nonzero) or not terms <= count <= MOST_TREES:
         what = "words" if is_on_words else "trees"
         raise SeriesError(f"terms must be those of all {count:,} {what} up to the order, but were {terms:,}")
-    return Words(order, letters) if is_on_words else tree_table(data["order"], colors, data.get("max_children"))
+    return Words(data["order"], colors) if is_on_words else tree_table(data["order"], colors, data.get("max_children"))
 
 
 def _number(text: Any, domain: str | None, argument: str) -> Any:

@@ -129,7 +129,7 @@ def bad_documents():
         "empty": (changed(empty=None), "empty must be the text of a number, but was None"),
         "twice": (with_term(tree="[τ]"), r"terms must have each tree once, but had \[τ\] twice"),
         "no tree": (with_term(tree="[["), "must be one tree"),
-        "tree": (with_term(tree=3), "text must be a string"),
+        "tree": (with_term(tree=3), "tree must be text, but was 3"),
         "other tree": (with_term(tree="[[[τ]]]"), "must be one of the 4 trees"),
         "number": (with_term(coefficient=1), "must be the text of a number in QQ, but was 1"),
         "decimal": (with_term(coefficient="0.5"), "must be the text of a number in QQ, but was '0.5'"),
