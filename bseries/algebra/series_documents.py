@@ -24,7 +24,7 @@ from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, re
 from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
 from trees.basis import Basis
-from trees.counting import check_order, count_trees
+from trees.counting import check_size, count_trees
 from trees.notation import check_names
 from trees.table import TreeTable, tree_table
 from trees.words import Words
@@ -127,7 +127,7 @@ def _basis_of(data: Mapping[str, Any], colors: int, terms: int, *, nonzero: bool
     """The basis of a document; the number of its terms is checked before the basis is made."""
     is_on_words = data.get("basis") == "words"
     if is_on_words:
-        count = sum(colors**n for n in range(1, check_order(data["order"]) + 1))
+        count = sum(colors**n for n in range(1, check_size(data["order"], colors)[0] + 1))
     else:
         count = sum(count_trees(data["order"], colors, data.get("max_children")))
     if (count != terms and not nonzero) or not terms <= count <= MOST_TREES:
