@@ -50,6 +50,7 @@ ROTOR = bs.Scene({"a": 1, "theta": 1}, hamiltonian="a^2/2 + eps*cos(theta)", par
 DRIFT = {"y0": [2.5, 0], "h": 0.2}
 EXAMPLES: dict[str, Callable[[], Any]] = {
     "BSeries": lambda: bs.modified_equation("rk4", 12),
+    "Series": lambda: bs.series("strang", trees.Words(9)),
     "Effect": lambda: bs.Effect(hamiltonian="q^4"),
     "Term": lambda: bs.Term(hamiltonian="q^4"),
     "PartitionedRungeKutta": lambda: bs.method("lobatto-iiia-iiib3"),
@@ -66,6 +67,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Trajectory": run,
     "Tree": lambda: bs.Tree("[τ,[τ,[τ]]]"),
     "TreeTable": lambda: bs.TreeTable(12),
+    "Basis": lambda: trees.Words(3, 4),
+    "Words": lambda: trees.Words(9),
     "Forest": lambda: trees.Forest("τ·[τ]"),
     "FormalSum": lambda: bs.hopf.coproduct(bs.Tree("[[τ,[τ]],τ,[τ,τ]]")),
     "FreeTree": lambda: trees.free_tree_classes(5)[0],
@@ -111,6 +114,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
 
 SHORTER: dict[str, Callable[[], Any]] = {
     "BSeries": lambda: bs.modified_equation("rk4", 8),
+    "Series": lambda: bs.series("strang", trees.Words(5)),
+    "Words": lambda: trees.Words(5),
     "TreeTable": lambda: bs.TreeTable(8),
 }
 """Whole tables are as long as the results, which displays cut."""

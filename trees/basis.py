@@ -18,6 +18,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, overload
 
 from foundation.lowering.flat_kernels import machine_code_pays
+from foundation.table import Column, LazyRows, Table, Tabular
 from trees.counting import check_order
 from trees.errors import TreeError
 from trees.notation import default_names
@@ -53,7 +54,7 @@ class Growth(NamedTuple):
     products: Callable[[int], int]  # terms c(trunk) a(branch) a(branch) … of a composition, at most
 
 
-class Basis(Sequence[Element], ABC, Generic[Element]):
+class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
     """All objects of a kind with 1 … `max_order` nodes, sorted by their number of nodes and numbered from 0.
 
     The elements with one node are the letters, in `colors` colours, and have the ids 0 … colors−1. A subclass sets
@@ -201,6 +202,35 @@ class Basis(Sequence[Element], ABC, Generic[Element]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.max_order}, colors={self.colors})"
+
+    def to_table(self) -> Table:
+        """The elements with their numbers."""
+        fields: dict[str, Callable[[int], Any]] = {
+            "id": lambda at: at,
+            "order": self.order_of,
+            self.what[:-1]: lambda at: self.text(self[at]),
+            "symmetry": lambda at: self.symmetries[at],
+        }
+        rows = LazyRows(lambda: range(len(self)), len(self))
+
+        def data() -> dict[str, Any]:
+            records = [{key: get(at) for key, get in fields.items()} for at in rows]
+            return {
+                "schema": 1,
+                "kind": self.what,
+                "order": self.max_order,
+                "colors": list(self.names),
+                "items": records,
+            }
+
+        return Table(
+            f"{len(self)} {self.what} with at most {self.max_order} {self.unit}s",
+            [Column(key, key != self.what[:-1], get) for key, get in fields.items()],
+            rows,
+            data=data,
+            items="items",
+            section=fields["order"],
+        )
 
     def __len__(self) -> int:
         return self.offsets[-1]

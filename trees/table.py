@@ -8,7 +8,7 @@ from itertools import accumulate
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.table import Column, LazyRows, Table, as_frame, as_html, as_text, listed
+from foundation.table import Column, LazyRows, Table, listed
 from trees import counting, kernels
 from trees.basis import Basis, Cuts, Growth
 from trees.counting import Limits, normal_limits
@@ -271,8 +271,6 @@ class TreeTable(Basis[Tree]):
             section=fields["order"],
             records=listed(fields.items(), rows),
         )
-
-    __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
     def _repr_svg_(self) -> str | None:
         return svg(self) if len(self) <= MAX_TREES else None

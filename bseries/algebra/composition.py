@@ -109,7 +109,7 @@ def bracket(b: AnySeries, c: AnySeries) -> AnySeries:
         >>> import bseries as bs
         >>> f = bs.exact_flow(3).log()
         >>> tall = bs.BSeries.from_rule(lambda tree: int(str(tree) == "[τ]"), 3, empty=0)
-        >>> [(str(tree), str(value)) for tree, value in bs.analysis.bracket(f, tall).nonzero()]
+        >>> [(str(tree), str(value)) for tree, value in bs.algebra.bracket(f, tall).nonzero()]
         [('[τ,τ]', '2')]
 
     References:

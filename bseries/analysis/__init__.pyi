@@ -1,6 +1,5 @@
 from . import stability as stability
 from .conjugation import ConjugateVerdict as ConjugateVerdict
-from .conjugation import bracket as bracket
 from .conjugation import conjugate as conjugate
 from .conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .conjugation import effective_order as effective_order

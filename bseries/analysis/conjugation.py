@@ -20,7 +20,6 @@ from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.composition import bracket as bracket
 from bseries.algebra.composition import compose
 from bseries.algebra.series import check_flow
 from bseries.algebra.uncertainty import conjugated, worst_case

@@ -51,7 +51,7 @@ def test_bracket_is_that_of_vector_fields(colors, random_series):
     def along(B, C):
         return [sum(g * x.value for g, x in zip(slope.gradient, B, strict=True)) for slope in C]
 
-    found, opposite = bs.analysis.bracket(b, c), bs.analysis.bracket(c, b)
+    found, opposite = bs.algebra.bracket(b, c), bs.algebra.bracket(c, b)
     for n in range(2, order + 1):
         expected = [0] * 4
         for k in range(1, n):
@@ -64,8 +64,8 @@ def test_bracket_is_that_of_vector_fields(colors, random_series):
 def test_bracket_is_a_lie_bracket(random_series, execution):
     b, c, d = (random_series(5, seed, empty=0) for seed in (3, 4, 5))
     cyclic = [(b, c, d), (c, d, b), (d, b, c)]
-    assert sum(bs.analysis.bracket(x, bs.analysis.bracket(y, z)) for x, y, z in cyclic) == b * 0
-    assert bs.analysis.bracket(b, c) == -bs.analysis.bracket(c, b)
+    assert sum(bs.algebra.bracket(x, bs.algebra.bracket(y, z)) for x, y, z in cyclic) == b * 0
+    assert bs.algebra.bracket(b, c) == -bs.algebra.bracket(c, b)
 
 
 def test_conjugation_acts_on_the_modified_equation_by_brackets(random_series, execution):
@@ -74,7 +74,7 @@ def test_conjugation_acts_on_the_modified_equation_by_brackets(random_series, ex
     b, g = a.log(), c.log()
     total, term = b, b
     for k in range(1, 5):
-        term = bs.analysis.bracket(g, term) / k
+        term = bs.algebra.bracket(g, term) / k
         total += term
     assert bs.analysis.conjugate(a, c).log() == total
     assert bs.analysis.conjugate(a, c) == bs.compose(bs.compose(c, a), c.inverse())
@@ -139,7 +139,7 @@ def takahashi_imada(order, factor):
         )
 
     A, B = part(0), part(1)
-    kick = (B + bs.analysis.bracket(B, bs.analysis.bracket(A, B)) * factor).exp()
+    kick = (B + bs.algebra.bracket(B, bs.algebra.bracket(A, B)) * factor).exp()
     drift = (A / 2).exp()
     return bs.compose(bs.compose(drift, kick), drift)
 
@@ -235,7 +235,7 @@ def test_conjugate_symplecticity_by_linear_algebra(name):
     expected = p
     for n in range(p + 1, min(6, 2 * p) + 1):
         units = [bs.BSeries.from_rule(lambda t, at=at: int(t == table[at]), 6, empty=0) for at in table.ids(n - 1)]
-        image = [defects(bs.analysis.bracket(f, unit), n) for unit in units]
+        image = [defects(bs.algebra.bracket(f, unit), n) for unit in units]
         if oracle.rank([*image, defects(b, n)]) > oracle.rank(image):
             break
         expected = n
@@ -269,9 +269,9 @@ def test_inconsistent_methods():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda f, a: bs.analysis.bracket(f, a), "c must be a field, with the coefficient 0"),
-        (lambda f, a: bs.analysis.bracket(a, f), "b must be a field"),
-        (lambda f, a: bs.analysis.bracket(f, f.truncate(2)), "both series must have the same trees"),
+        (lambda f, a: bs.algebra.bracket(f, a), "c must be a field, with the coefficient 0"),
+        (lambda f, a: bs.algebra.bracket(a, f), "b must be a field"),
+        (lambda f, a: bs.algebra.bracket(f, f.truncate(2)), "both series must have the same trees"),
         (lambda f, a: bs.analysis.conjugate(f, a), "a must be a flow"),
         (lambda f, a: bs.analysis.conjugate(a, f), "c must be a flow"),
         (lambda f, a: bs.analysis.conjugate(a, "c"), "c must be a BSeries, but was 'c'"),

@@ -346,7 +346,7 @@ def algebra(a, order):
     b, half = a.log(), Fraction(1, 2)
     yield from (b, b.exp(), a.inverse(), a.adjoint(), a**half, a ** Fraction(-2, 3))
     yield from (bs.compose(a, exact), bs.compose(a.scale_step(half), a.adjoint()))
-    yield bs.analysis.bracket(b, a.inverse().log())
+    yield bs.algebra.bracket(b, a.inverse().log())
     yield from (bs.substitute(b, exact), bs.substitute(b, a), bs.substitute(b, a - exact))
     yield from (unless_refused(bs.algebra.substitution_inverse, b), unless_refused(bs.modifying_integrator, a))
 
