@@ -10,11 +10,12 @@ from typing import Any, overload
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.series import Series
-from bseries.algebra.stages import ExactStages, FlowChain, MethodInputs, check_method, inputs_of, stages_without_cuts
+from bseries.algebra.stages import ExactStages, FlowChain, MethodInputs, check_method, inputs_of, size_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
 from bseries.exact.denominators import primorial
 from bseries.exact.domains import Values
 from bseries.exact.rationals import RationalValues
+from bseries.exact.residues import PRIME_BITS, WORD
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram
@@ -165,19 +166,23 @@ def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) 
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")
         return order
     limits = None if max_children is None else normal_limits(colors, max_children)
-    _refuse_beyond_memory(check_order(order), colors, limits, stages_without_cuts(method))
+    _refuse_beyond_memory(check_order(order), colors, limits, size_without_cuts(method))
     return tree_table(order, colors, max_children)
 
 
 @lru_cache(maxsize=64)
-def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None, stages: int | None) -> None:
+def _refuse_beyond_memory(order: int, colors: int, limits: Limits | None, size: tuple[int, int] | None) -> None:
     """Refuse series that would not fit in memory, before their table is made, once for each size.
 
-    Methods with this number of stages need two numbers for each stage and smaller tree; without, trees are cut.
+    Methods with `size` stages and bits of denominators need two numbers for each stage and smaller tree, and one for
+    each tree and prime; without, trees are cut.
     """
     sizes = count_trees(order, colors, limits)
-    numbers = len(sizes) + 3 if stages is None else 2 * stages + 1
-    needed = memory_estimate(sizes, colors, splits=stages is None) + 8 * (numbers * sum(sizes[:-1]) + 3 * sum(sizes))
+    stages, bits = size or (0, 0)
+    numbers = len(sizes) + 3 if size is None else 2 * stages + 1
+    primes = max(0, order * bits - WORD) // PRIME_BITS
+    needed = memory_estimate(sizes, colors, splits=size is None)
+    needed += 8 * (numbers * sum(sizes[:-1]) + (3 + primes) * sum(sizes))
     refuse_table_beyond_memory(needed, f"a series of {sum(sizes)} trees")
 
 

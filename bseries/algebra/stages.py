@@ -201,10 +201,17 @@ def stages_of(method: Method, order: int) -> MethodStages:
     return _program_stages(method.program, order)
 
 
-def stages_without_cuts(method: Method) -> int | None:
-    """The number of stages of a tableau whose series is computed without cuts; None for other methods, and floats."""
-    is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
-    return method.stages if is_tableau and _tableau_stages(method).kind != "float" else None
+def size_without_cuts(method: Method) -> tuple[int, int] | None:
+    """The number of stages of a tableau whose series is computed without cuts, and that of bits of its denominators.
+
+    None for other methods, and floats.
+    """
+    if not isinstance(method, RungeKutta | PartitionedRungeKutta):
+        return None
+    stages = _tableau_stages(method)
+    if not isinstance(stages, ExactStages):
+        return None
+    return method.stages, stages.step.bit_length() if isinstance(stages, RationalStages) else 0
 
 
 def inputs_of(method: Method, order: int) -> MethodInputs:
