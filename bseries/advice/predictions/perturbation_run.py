@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bseries.advice.measures import largest_size, norms, without_time
+from bseries.advice.measures import NOISE, largest_size, norms, without_time
 from bseries.advice.predictions.modified_terms import ModifiedTerms
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
@@ -35,8 +35,6 @@ AT_ONCE, PASSES, CONVERGED = 32, 10, 1e-4
 about the effect of r over a block; a few suffice unless that is large, and then the series in h is of no use."""
 DISTANCE = 1e-9
 """Least relative effect of r over a time scale: its square and 2^-53 are both below 10^-6 of it."""
-CANCELLED = 2.0**-46
-"""Sums below this multiple of their absolute terms are zero up to rounding: 2^-53 for each of some operations."""
 SECONDS = 4.0
 """CPU time for large scenes; small ones need about a second for all impulses."""
 FIRST_BLOCK, MOST_POINTS = 256, 2**14
@@ -44,8 +42,6 @@ FIRST_BLOCK, MOST_POINTS = 256, 2**14
 FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
 """The spacing is reduced if it is too wide by the first factor, and multiplied by the second if it is too narrow by it,
 as at a start from rest; 4^24 suffices in double precision."""
-UNIT = 2.0**-53
-"""Unit roundoff of doubles."""
 
 
 class PerturbationRun(NamedTuple):
@@ -74,7 +70,7 @@ def perturbation_run(
     first = _exact_states(scene, y0, spacing, min(FIRST_BLOCK, total), t0)
     powers, effect = _powers(terms, first, h)
     size = largest_size(without_time(scene, first))
-    if not effect or (total <= RESOLUTION and abs(span) * effect < UNIT * size):
+    if not effect or (total <= RESOLUTION and abs(span) * effect < 2.0**-53 * size):
         return None
     factor = max(1.0, DISTANCE * size / (abs(spacing) * RESOLUTION * effect))
 
@@ -136,7 +132,7 @@ class _Effects:
         """∫ ∇H · r dt by power of h along a solution, (powers, n)."""
         products = self._energy_gradient(y) * self._values(y)
         rates = products.sum(axis=1)
-        rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
+        rates[abs(rates) <= NOISE * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
         changes = np.zeros(rates.shape)
         changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (spacing / 2), axis=1)
         return changes
