@@ -356,14 +356,14 @@ if __name__ == "__main__":
 
 def bouncing_with(k):
     def rate(t, y):
-        return [y[1], -k * y[0] if y[0] < 0 else -1.0]
+        return y[1], -k * y[0] if y[0] < 0 else -1.0
 
     return scene_from_function(rate, [1, 0], compiled=True)
 
 
 def forget():
     """Drop what is kept for later calls."""
-    for cache in (stepping._stepper, black_boxes._compiled):
+    for cache in (stepping.kept_stepper, black_boxes.compiled_box):
         cache.cache_clear()
     gc.collect()
 
