@@ -58,7 +58,7 @@ class RegularMotion(NamedTuple):
     """Limits of errors in regular motion: beyond them the motion is chaotic, or the orbit another one.
 
     Errors of regular motion grow at most quadratically until they reach the size of the orbit; in chaos they grow
-    exponentially. Each limit leaves room for the motion named beside it; together they are calibrated by the 66 runs of
+    exponentially. Each limit leaves room for the motion named beside it; together they are checked by the 66 runs of
     the benchmarks ``prediction*``, see `docs/prediction.md`.
     """
 

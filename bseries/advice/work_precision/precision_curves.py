@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.predictions.prediction import duration
@@ -45,14 +45,22 @@ BUDGET = 0.2
 of a dozen methods five seconds."""
 LOOSEST, FINEST = 1.0, 1e-15
 """Bounds on the errors of interest, which are relative: no correct digit, and all digits of doubles."""
-SPAN = 200.0
-"""Default length of runs, as a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
 FINE = 100
 """Steps per time scale that the budget allows over the longest span: enough for about six digits with a method of order
 4."""
-SHORTER, TRIALS = 2.2, 8
-"""Factor by which the default span is shortened while there is no reference solution, which leads from one of 1, 2, 5,
-10, … to the next; and the largest number of trials."""
+
+
+class DefaultSpan(NamedTuple):
+    """The length of runs if none is given."""
+
+    scales: float = 200.0
+    """As a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
+    shorter: float = 2.2
+    """Factor by which it is shortened while there is no reference solution: from one of 1, 2, 5, 10, … to the next."""
+    trials: int = 8
+
+
+SPAN = DefaultSpan()
 
 
 class WorkPrecision:
@@ -281,10 +289,10 @@ def work_precision(
         steps = stepper(candidate.method, scene, solver=candidate.solver)
         with suppress(StepError):  # the first step, small enough for all methods, compiles
             steps.advance(steps.start(h=1e-9), 1)
-    judge = Judge(scene, length or _rounded(SPAN * time_scale(scene)), measures, finest)
-    for _ in range(TRIALS if length is None else 0):
+    judge = Judge(scene, length or _rounded(SPAN.scales * time_scale(scene)), measures, finest)
+    for _ in range(SPAN.trials if length is None else 0):
         if judge.problem:
-            judge = Judge(scene, _rounded(judge.span / SHORTER), measures, finest)
+            judge = Judge(scene, _rounded(judge.span / SPAN.shorter), measures, finest)
     if not judge.available:
         problem = f"{' and '.join(measures)} cannot: {judge.problem}"
         raise IntegratorError(f"measure must be one that can be measured on {scene.name}, but {problem}")

@@ -189,8 +189,6 @@ Swept = list[tuple[int, "RunErrors"]]
 UNSOLVED = "did not converge"
 LEAST_SECONDS = 5e-9
 """Lower bound for the time of a step, some additions, which ends the sweeps of methods that always fail."""
-SLOWEST, NUDGE = 10.0, 1e-6
-"""Bound on the time scale in multiples of |f|/|f'f|, more than a period; and the relative increment for f'f."""
 Point = TypeVar("Point", bound=tuple)
 """An error, the CPU seconds for it, and further entries."""
 
@@ -375,8 +373,9 @@ def time_scale(scene: Scene) -> float:
     speed = float(np.linalg.norm(here))
     if not speed:
         return 1.0
-    rate = float(np.linalg.norm(f(0.0, y + NUDGE * size / speed * here) - here)) / (NUDGE * size)
-    return min(size / speed, SLOWEST / rate) if rate > 0 else size / speed
+    nudge = 1e-6 * size  # the increment for f'f
+    rate = float(np.linalg.norm(f(0.0, y + nudge / speed * here) - here)) / nudge
+    return min(size / speed, 10 / rate) if rate > 0 else size / speed
 
 
 def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> tuple[Candidate, Swept]:
