@@ -51,7 +51,7 @@ def from_table(method: str, order: int) -> Callable[[], Sampler]:
         chosen = bs.method(method)
 
         def work() -> object:
-            tables._kept_table.cache_clear()
+            tables.kept_table.cache_clear()
             return bs.modified_equation(chosen, order).coefficients()
 
         work()

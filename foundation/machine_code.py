@@ -275,11 +275,11 @@ def _object_path(key: str) -> Path | None:
     directory = cache_directory()
     if directory is None or not has_numba():
         return None
-    return directory / _name([key.encode(), repr(_surroundings()).encode()])
+    return directory / _name([key.encode(), repr(surroundings()).encode()])
 
 
 @cache
-def _surroundings() -> tuple[Any, ...]:
+def surroundings() -> tuple[Any, ...]:
     """The processor, the versions and numba's settings, on which all object code depends."""
     from llvmlite import binding
 

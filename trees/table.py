@@ -433,7 +433,8 @@ def _counts_within_memory(order: int, limits: Limits) -> tuple[tuple[int, ...], 
 
 
 @lru_cache(maxsize=16)
-def _kept_table(order: int, limits: Limits) -> TreeTable | None:
+def kept_table(order: int, limits: Limits) -> TreeTable | None:
+    """The table, if it is small; the last ones are kept."""
     small = sum(map(sum, _counts_within_memory(order, limits))) <= 1_000_000
     return TreeTable(order, len(limits), limits) if small else None
 
@@ -444,7 +445,7 @@ def tree_table(
     """The table for these arguments; tables of up to a million trees are cached."""
     order, colors = counting.check_size(order, colors)
     limits = normal_limits(colors, max_children)
-    return _kept_table(order, limits) or TreeTable(order, colors, limits)
+    return kept_table(order, limits) or TreeTable(order, colors, limits)
 
 
 class Partitions(NamedTuple):

@@ -16,12 +16,9 @@ from integrators.scenes.scene import Scene
 SOLUTION, ENERGY = MEASURES = ("solution", "energy")
 ROUNDING = 1e-9
 """Smaller errors of runs may be dominated by rounding: 10^6 or more steps each add some 10^-16."""
-WHOLE = 1e-12
-"""Relative rounding error of span/h that does not count as a further step, for h rounded from a decimal."""
-SHIFT = 2.0**-20
-"""Relative increment of variables for derivatives, which need be known within a factor of two only."""
 NOISE = 2.0**-46
-"""Relative size below which an energy is zero up to rounding: 2^-53 for each of some operations."""
+"""Energies and their rates below this multiple of their absolute terms are zero up to rounding: 2^-53 for each of some
+operations."""
 
 
 def check_measure(measure: Any, known: Sequence[str] = MEASURES) -> str:
@@ -38,7 +35,7 @@ def whole_steps(span: float, h: float) -> int:
         >>> whole_steps(1.0, 0.1), whole_steps(1.0, -0.3), whole_steps(1e-9, 0.1)
         (10, 4, 1)
     """
-    return max(1, ceil(span / abs(h) * (1 - WHOLE)))
+    return max(1, ceil(span / abs(h) * (1 - 1e-12)))  # h rounded from a decimal needs no further step
 
 
 def without_time(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -89,8 +86,8 @@ def energy_size(scene: Scene, y0: np.ndarray) -> float:
         [0.5000000000000001, 1.0]
     """
     energy = observers(scene, "energy")
-    start = float(energy(0.0, y0)[0])
+    start, shift = float(energy(0.0, y0)[0]), 2.0**-20  # slopes within a factor of two suffice
     with np.errstate(over="ignore", invalid="ignore"):
-        shifted = y0 + np.diag(y0 * SHIFT)
-        slopes = [abs(float(energy(0.0, y)[0]) - start) / SHIFT for y in shifted]
+        shifted = y0 + np.diag(y0 * shift)
+        slopes = [abs(float(energy(0.0, y)[0]) - start) / shift for y in shifted]
     return 1.0 if abs(start) <= NOISE * sum(slopes) else abs(start)

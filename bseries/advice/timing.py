@@ -48,11 +48,19 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-LEAST_ROUNDS, MOST_ROUNDS = 5, 15
-"""Quartiles inside the range need five samples; fifteen limit the time on a noisy machine."""
-WIDE_SPREAD = 0.1
-"""Distance of the quartiles, relative to the median, above which further rounds follow: recommendations may exceed the
-least time by this factor."""
+class Rounds(NamedTuple):
+    """How many rounds of samples are taken."""
+
+    least: int = 5
+    """Quartiles inside the range need five samples."""
+    most: int = 15
+    """These limit the time on a noisy machine."""
+    spread: float = 0.1
+    """Distance of the quartiles, relative to the median, above which further rounds follow: recommendations may exceed
+    the least time by this part."""
+
+
+ROUNDS = Rounds()
 SAMPLE = 0.02
 """Seconds of steps in one sample: more than the time slice of a scheduler, and thousands of ticks of the clock."""
 TICK = 1e-9
@@ -96,14 +104,14 @@ class Work(NamedTuple):
 def step_costs(work: Mapping[str, Work], *, sample: float = SAMPLE) -> dict[str, Timing]:
     """CPU seconds per step for several kinds of steps, compiled and warm, measured in interleaved rounds.
 
-    Other load on the machine then affects one round and not one kind. After `LEAST_ROUNDS`, only kinds with a wide
-    spread have further rounds. All samples begin at the same start.
+    Other load on the machine then affects one round and not one kind. After the least number of rounds, only kinds with
+    a wide spread have further ones. All samples begin at the same start.
     """
     runs = {name: _Run(entry, sample) for name, entry in work.items()}
     samples: dict[str, list[float]] = {name: [] for name in work}
-    for done in range(MOST_ROUNDS):
+    for done in range(ROUNDS.most):
         for name, run in runs.items():
-            if done < LEAST_ROUNDS or summary(samples[name]).spread > WIDE_SPREAD:
+            if done < ROUNDS.least or summary(samples[name]).spread > ROUNDS.spread:
                 samples[name].append(run.sample() / (run.steps * run.repeats))
     return {name: summary(taken) for name, taken in samples.items()}
 

@@ -119,7 +119,7 @@ def _from_residues(
         return recursions.sum_of_powers(table, stages, scale, rows, arithmetic)
 
     numerators = exact_integers(
-        residues, table.offsets, lambda largest: _bits(weights, common, sums, tuple(largest)),
+        residues, table.offsets, lambda largest: bits_of_sums(weights, common, sums, tuple(largest)),
         [d.bit_length() for d in common[1:]], lost=() if wraps else None, avoid=step,
     )  # fmt: skip
     return RationalValues(table, numerators, common, step * weights.unit)
@@ -148,7 +148,7 @@ def _whole_weights(stages: Stages, step: int, weights: PowerWeights) -> tuple[in
 
 
 @lru_cache(maxsize=256)
-def _bits(
+def bits_of_sums(
     weights: PowerWeights, common: tuple[int, ...], sums: tuple[Fraction, Fraction], largest: tuple[int, ...]
 ) -> Sequence[int]:
     """Numbers of bits of the numerators for n = 1, 2, … nodes; `largest` are the largest of the first orders."""

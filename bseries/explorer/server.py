@@ -158,7 +158,7 @@ class Explorer:
             task = asyncio.ensure_future(_refused(error))
             request = Request()
         else:
-            task = self._answer(request)
+            task = self.answer(request)
         await asyncio.wait([task], timeout=PATIENCE)
         self._pages[context.id] = request, task
 
@@ -166,7 +166,7 @@ class Explorer:
         """Forget a page that was closed."""
         self._pages.pop(context.id, None)
 
-    def _answer(self, request: Request) -> asyncio.Task[Answer]:
+    def answer(self, request: Request) -> asyncio.Task[Answer]:
         """The answer to a request, which may be under way; a page that comes again finds it."""
         if request not in self._answers:
             task = self._answers[request] = asyncio.ensure_future(self._compute(request))
@@ -329,7 +329,7 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
     http_server = optional_module("tornado.httpserver", "explore").HTTPServer
     loop = optional_module("tornado.ioloop", "explore").IOLoop.current()
     log_in_lines()
-    with _Listener(port) as listener, _stopped_by_interrupts(loop), closing(Workers()) as workers:
+    with Listener(port) as listener, _stopped_by_interrupts(loop), closing(Workers()) as workers:
         hosts = [f"{name}:{listener.port}" for name in (ADDRESS, "localhost")]
         explorer = Explorer(workers)
         served = pages(
@@ -342,7 +342,7 @@ def serve(port: int, ready: Callable[[str], object]) -> None:
         server = base_server(loop, served, http_server(for_hosts(hosts, served)))
         server._http.add_sockets([listener])
         server.start()
-        loop.add_callback(explorer._answer, Request())  # the first page is likely this one
+        loop.add_callback(explorer.answer, Request())  # the first page is likely this one
         ready(f"http://{ADDRESS}:{listener.port}/")
         loop.start()
         server.stop()
@@ -368,7 +368,7 @@ def log_in_lines() -> None:
     configure(level=logging.WARNING, handlers=[handler], force=True)
 
 
-class _Listener(socket.socket):
+class Listener(socket.socket):
     """The socket that browsers connect to. Without free file descriptors they wait."""
 
     def __init__(self, port: int):

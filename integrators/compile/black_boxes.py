@@ -64,7 +64,7 @@ def black_box(
         RuntimeWarning: It returns a list.
     """
     box = BlackBox(dispatcher_of(function), name, arguments, shape, jacobian)
-    _compiled(box)
+    compiled_box(box)
     if box.key in _LISTED:
         message = f"{name} should return a tuple: with the list that it returns, steps take several times as long"
         warnings.warn(message, RuntimeWarning, stacklevel=2)
@@ -103,12 +103,12 @@ def address_of(key: str) -> int:
 @cached_method
 def _kept(box: BlackBox) -> MachineCode:
     """The C function, kept by the box."""
-    return _compiled(box)
+    return compiled_box(box)
 
 
 @lru_cache(maxsize=8)  # not kept by the box: SymPy's caches keep hundreds of these
-def _compiled(box: BlackBox) -> MachineCode:
-    """The C function."""
+def compiled_box(box: BlackBox) -> MachineCode:
+    """The C function of a black box; the last ones are kept."""
     from foundation.lowering.objects import written_code
     from integrators.compile.user_functions import write_values
 
@@ -204,7 +204,7 @@ def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
 
 def evaluated(box: BlackBox, values: np.ndarray) -> np.ndarray:
     """The value of a black box, with the errors that it raises."""
-    numbers, code = np.concatenate([values, np.empty(box.size)]), _compiled(box)
+    numbers, code = np.concatenate([values, np.empty(box.size)]), compiled_box(box)
     forget_failure()
     VALUES(code.address)(data(numbers))
     if _FAILURE.error is not None:

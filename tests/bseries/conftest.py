@@ -18,9 +18,9 @@ from foundation.lowering import flat_kernels
 def execution(request, monkeypatch):
     """Run everything in machine code, or in the interpreter."""
     monkeypatch.setattr(flat_kernels, "FEW_PRODUCTS", -1 if request.param == "compiled" else math.inf)
-    trees.table._kept_table.cache_clear()
+    trees.table.kept_table.cache_clear()
     yield request.param
-    trees.table._kept_table.cache_clear()
+    trees.table.kept_table.cache_clear()
 
 
 @pytest.fixture

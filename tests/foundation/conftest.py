@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from foundation import machine_code
-
 
 @pytest.fixture
 def directory(tmp_path, monkeypatch):
     """The empty folder of the cache, which need not exist yet."""
     monkeypatch.setenv("BSERIES_CACHE", str(tmp_path / "cache"))
-    machine_code._warn.cache_clear()
-    yield tmp_path / "cache"
-    machine_code._warn.cache_clear()
+    return tmp_path / "cache"

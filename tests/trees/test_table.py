@@ -172,7 +172,7 @@ def test_estimates_of_memory_are_what_tables_take():
 
 
 def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
-    monkeypatch.setattr(trees.table, "_kept_table", lambda order, limits: None)
+    monkeypatch.setattr(trees.table, "kept_table", lambda order, limits: None)
     made = trees.table.tree_table(4, 2, SEPARABLE)
     assert made == TreeTable(4, 2, SEPARABLE)
     assert made is not trees.table.tree_table(4, 2, SEPARABLE)

@@ -39,12 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-COMPARISONS = 1000
-"""Most times at which two runs are compared: tens in each of the periods of a run of usual length."""
 PIECES = 4
 """Substeps of the comparison run; for a method of order p it shows 1 − 4^(−p) of the error, at least 3/4."""
-WRONG = 0.1
-"""Error of a run from which on it does not allow a recommendation: it has not one correct digit."""
 MARGIN = 2.0
 """Default of the factor for interactions: leaving out two effects may change more than the sum of both influences, as
 each may change the influence of the other by its whole size."""
@@ -336,7 +332,7 @@ class EffectRuns:
 
     def _states(self, names: Names, pieces: int = 1) -> np.ndarray:
         """The states at the times of comparison, (variables, times), with steps divided into pieces."""
-        scene, every = self.variants.build(names), -(-self.steps // COMPARISONS)  # rounded up
+        scene, every = self.variants.build(names), -(-self.steps // 1000)  # tens of times in each period
         options = {**self._options, "parts": self.variants.parts(self._options.get("parts"), scene)}
         options |= {"h": self.h / pieces, "steps": self.steps * pieces, "save_every": every * pieces}
 
@@ -431,13 +427,13 @@ def effect_influence(
     runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, progress)
     own_error = runs.own_error()
     accepted = getattr(own_error, measure) if wanted is None else wanted
-    if wanted is None and not accepted < WRONG:
+    if wanted is None and not accepted < 0.1:  # not one correct digit
         raise SeriesError(
             f"h must be small enough for an accurate run, or accept be given, but with {step:g} the error of the "
             f"method itself is {accepted:.2g}"
         )
     rows = [EffectRow(name, text, runs.alone(name), runs.without(name)) for name, text in variants.effects.items()]
-    left_out = _recommended(runs, rows, measure, accepted, factor)
+    left_out = effects_to_leave_out(runs, rows, measure, accepted, factor)
     names, kept = variants.names, variants.without(*left_out)
     wanted_times = {(), names, kept, *map(variants.without, names)}
     able = [chosen for chosen in sorted(wanted_times) if runs.run(chosen) is not None]
@@ -474,7 +470,7 @@ def _check(h: float, span: float, margin: float, accept: float | None) -> None:
         raise SeriesError(f"accept must be an error, 0 or more, but was {accept:g}")
 
 
-def _recommended(
+def effects_to_leave_out(
     runs: EffectRuns, rows: list[EffectRow], measure: str, accepted: float, margin: float
 ) -> tuple[str, ...]:
     """The effects to leave out: as many as the sum of influences allows and a run without them confirms."""

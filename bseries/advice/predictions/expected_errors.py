@@ -12,7 +12,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from inspect import signature
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -38,30 +38,11 @@ Errors: TypeAlias = tuple[ExpectedError, ExpectedError, tuple[int, ...], float]
 
 LEFT_OUT = "to", "checkpoint", "progress"
 """Options of `integrate` that a prediction refuses, since it must not change the files of the run."""
-SPEEDS = 256
-"""Number of states at which speeds of variables are compared: several in each period."""
 FARTHEST = 9
 """Largest order at which the structure of the method is checked; trees with more nodes take seconds."""
 AGREEMENT = 2.0
 """Largest ratio of energy errors with all terms and with one less: the next term changes less, and predictions may be
 off by a factor of 3."""
-UNBOUNDED = 1.5
-"""A variable whose range grows by a larger factor in the second half of the time is unbounded: the factor of an angle
-at constant pace is 2, and that of an oscillation 1."""
-LINEAR = 1e-2
-"""Largest relative distance that is proportional to r up to about its square."""
-NEAR = 0.1
-"""Errors up to this part of the size of the orbit grow freely; larger ones begin to be bounded by it."""
-BEYOND = 2.0
-"""Largest distance of a variable, as a multiple of its range, between motions of the same kind: twice the distance that
-two solutions within that range can have."""
-BOUND = 0.5
-"""Errors up to this part of the size of the orbit are returned unchanged; larger ones are called of that size."""
-REGULAR = 6.0
-"""Largest growth of a regular error in the second half of the time: quadratic growth has a factor of 4, and half of the
-factor of 3 allowed for predictions is left to oscillations. In chaos errors grow exponentially."""
-TRANSIENT = 10 * 38
-"""Impulses in ten periods: in fewer, errors up to half of the orbit's size may grow as fast without chaos."""
 ROUNDING = 1e-14
 """Smaller relative errors are dominated by rounding, some tens of units in the last place."""
 
@@ -71,6 +52,35 @@ ANOTHER_ORBIT = "the energy changes so much that the orbit is another one"
 CHAOTIC = "it grows to the size of the orbit faster than in regular motion, as in chaos"
 ONLY_ROUNDING = "rounding will be larger"
 NOT_SMALL = "the modified equation leads to another orbit, as in chaos or next to a separatrix"
+
+
+class RegularMotion(NamedTuple):
+    """Limits of errors in regular motion: beyond them the motion is chaotic, or the orbit another one.
+
+    Errors of regular motion grow at most quadratically until they reach the size of the orbit; in chaos they grow
+    exponentially. Each limit leaves room for the motion named beside it; together they are checked by the 66 runs of
+    the benchmarks ``prediction*``, see `docs/prediction.md`.
+    """
+
+    range_growth: float = 1.5
+    """Of the range of a variable in the second half of the time, beyond which it is unbounded: an angle at constant
+    pace has a factor of 2, an oscillation 1."""
+    linear: float = 1e-2
+    """Relative distance up to which errors are proportional to r: the neglected part is about its square."""
+    free: float = 0.1
+    """Part of the orbit's size up to which errors grow freely; larger ones begin to be bounded by it."""
+    same_orbit: float = 2.0
+    """Distance in a variable as a multiple of its range: twice that of any two solutions within the range."""
+    large: float = 0.5
+    """Part of the orbit's size from which on errors are called of that size."""
+    growth: float = 6.0
+    """Of an error in the second half of the time: quadratic growth has a factor of 4, and half of the factor of 3
+    allowed for predictions is left to oscillations."""
+    transient: int = 10 * 38
+    """Impulses in ten periods: in fewer, errors up to half of the orbit's size may grow faster without chaos."""
+
+
+REGULAR = RegularMotion()
 
 
 def predict_run(
@@ -176,7 +186,7 @@ def _expected_errors(
             if not np.isfinite(run.errors).all():
                 return both(None, "terms of the modified equation are not finite along the solution")
             along = None if energy_gradient is None else energy_gradient(run.y)
-            moves = terms.moves(run.y[:, :: max(1, run.y.shape[1] // SPEEDS)])
+            moves = terms.moves(run.y[:, :: max(1, run.y.shape[1] // 256)])  # several states in each period
             energy = expected_energy_error(scene, run, along, moves, y0)
             solution = expected_solution_error(scene, run, energy)
     except StepError as error:
@@ -231,19 +241,20 @@ def expected_solution_error(scene: Scene, run: PerturbationRun, energy: Expected
         return energy
     y, errors = without_time(scene, run.y), without_time(scene, run.errors)
     sizes, largest = norms(errors), largest_size(y)
-    unbounded = np.ptp(y, axis=1) > UNBOUNDED * np.ptp(y[:, : y.shape[1] // 2 + 1], axis=1)  # ranges keep growing
+    unbounded = np.ptp(y, axis=1) > REGULAR.range_growth * np.ptp(y[:, : y.shape[1] // 2 + 1], axis=1)
     ranges = np.where(unbounded, math.inf, np.ptp(y, axis=1))
-    if run.factor == 1 and (abs(errors).max(axis=1) > BEYOND * ranges + LINEAR * largest).any():
+    beyond = abs(errors).max(axis=1) > REGULAR.same_orbit * ranges + REGULAR.linear * largest
+    if run.factor == 1 and beyond.any():
         return ExpectedError(None, NOT_SMALL)
     orbit = largest_size(np.where(unbounded, abs(y).max(axis=1), ranges)[:, None])
     expected = float(sizes.max()) / largest
-    away = run.factor * sizes > LINEAR * largest if run.factor > 1 else sizes > NEAR * orbit
+    away = run.factor * sizes > REGULAR.linear * largest if run.factor > 1 else sizes > REGULAR.free * orbit
     if run.factor > 1 and away.any():
         return ExpectedError(None, CHAOTIC)
     free = int(np.argmax(away)) if away.any() else 0
-    is_large = sizes.max() > BOUND * orbit
-    is_regular = free >= 2 and sizes[:free].max() <= REGULAR * sizes[: free // 2 + 1].max()
-    if not is_regular and (is_large or free > TRANSIENT):
+    is_large = sizes.max() > REGULAR.large * orbit
+    is_regular = free >= 2 and sizes[:free].max() <= REGULAR.growth * sizes[: free // 2 + 1].max()
+    if not is_regular and (is_large or free > REGULAR.transient):
         return ExpectedError(None, CHAOTIC)
     if is_large:
         return ExpectedError(expected, "of the size of the orbit")

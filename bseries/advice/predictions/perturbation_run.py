@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bseries.advice.measures import largest_size, norms, without_time
+from bseries.advice.measures import NOISE, largest_size, norms, without_time
 from bseries.advice.predictions.modified_terms import ModifiedTerms
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
@@ -26,26 +26,47 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.states import State, StepError
 from integrators.steppers.stepping import Stepper, stepper
 
-RESOLUTION = 6
-"""Impulses per time scale τ, τ² = |f|/|f'f'f + f"(f, f)/4|: for an oscillator τ = 1/ω, with 38 impulses per period."""
 METHOD, SUBSTEPS = "dop853", 3
 """The method for the exact flow and its steps between impulses: with steps of τ/18 its error is near rounding."""
-AT_ONCE, PASSES, CONVERGED = 32, 10, 1e-4
-"""Impulses in a block, most iterations, and the relative change at which they end. An iteration multiplies the error by
-about the effect of r over a block; a few suffice unless that is large, and then the series in h is of no use."""
 DISTANCE = 1e-9
 """Least relative effect of r over a time scale: its square and 2^-53 are both below 10^-6 of it."""
-CANCELLED = 2.0**-46
-"""Sums below this multiple of their absolute terms are zero up to rounding: 2^-53 for each of some operations."""
 SECONDS = 4.0
 """CPU time for large scenes; small ones need about a second for all impulses."""
-FIRST_BLOCK, MOST_POINTS = 256, 2**14
-"""States from which the time scale is computed, several periods; and the most impulses, about 400 periods."""
-FINER, COARSER, MOST_REFINEMENTS = 1.5, 4.0, 24
-"""The spacing is reduced if it is too wide by the first factor, and multiplied by the second if it is too narrow by it,
-as at a start from rest; 4^24 suffices in double precision."""
-UNIT = 2.0**-53
-"""Unit roundoff of doubles."""
+MOST_POINTS = 2**14
+"""The most impulses: about 400 periods."""
+
+
+class Impulses(NamedTuple):
+    """The time between impulses."""
+
+    per_scale: int = 6
+    """In a time scale τ, τ² = |f|/|f'f'f + f"(f, f)/4|: for an oscillator τ = 1/ω, with 38 impulses per period."""
+    first: int = 256
+    """States from which the time scale is computed: several periods."""
+    wide: float = 1.5
+    """Factor by which the spacing may be too wide before it is reduced."""
+    narrow: float = 4.0
+    """Factor by which the spacing may be too narrow before it is multiplied by it, as at a start from rest."""
+    trials: int = 24
+    """Changes of the spacing: 4^24 suffices in double precision."""
+
+
+class Iteration(NamedTuple):
+    """The iteration for the states of a block of impulses.
+
+    It multiplies the error by about the effect of r over a block; a few passes suffice unless that is large, and then
+    the series in h is of no use.
+    """
+
+    block: int = 32
+    """Impulses in a block."""
+    passes: int = 10
+    """Most passes."""
+    change: float = 1e-4
+    """Relative change at which it ends."""
+
+
+IMPULSES, ITERATION = Impulses(), Iteration()
 
 
 class PerturbationRun(NamedTuple):
@@ -71,12 +92,12 @@ def perturbation_run(
     scene = terms.field.scene
     total = max(1, math.ceil(span / _spacing(terms, y0, span, t0)))
     spacing = span / total
-    first = _exact_states(scene, y0, spacing, min(FIRST_BLOCK, total), t0)
+    first = _exact_states(scene, y0, spacing, min(IMPULSES.first, total), t0)
     powers, effect = _powers(terms, first, h)
     size = largest_size(without_time(scene, first))
-    if not effect or (total <= RESOLUTION and abs(span) * effect < UNIT * size):
+    if not effect or (total <= IMPULSES.per_scale and abs(span) * effect < 2.0**-53 * size):
         return None
-    factor = max(1.0, DISTANCE * size / (abs(spacing) * RESOLUTION * effect))
+    factor = max(1.0, DISTANCE * size / (abs(spacing) * IMPULSES.per_scale * effect))
 
     effects = _Effects(terms, energy_gradient, powers, h, factor * spacing / 2)
     flow, count = stepper(METHOD, scene), min(total, MOST_POINTS)
@@ -85,7 +106,7 @@ def perturbation_run(
     other.values += effects.impulses(y[0])[:, 0]
     done, began, is_complete = 0, math.inf, True  # the first block compiles
     while done < count and thread_time() - began < SECONDS:
-        points = min(AT_ONCE, count - done)
+        points = min(ITERATION.block, count - done)
         y.append(_recorded(flow, exact, np.zeros((len(y0), points))))
         found = effects.solution(flow, other, y[-1])
         if found is None:
@@ -121,13 +142,13 @@ class _Effects:
         Impulses are evaluated at the states of the previous iteration, at first at those without impulses.
         """
         begin, impulses, before = state.copy(), 0 * y, None
-        for _ in range(PASSES):
+        for _ in range(ITERATION.passes):
             state.assign(begin)
             try:
                 found = _recorded(flow, state, impulses)
             except StepError:
                 return None
-            if before is not None and abs(found - before).max() <= CONVERGED * abs(found - y).max():
+            if before is not None and abs(found - before).max() <= ITERATION.change * abs(found - y).max():
                 return found
             before, impulses = found, self.impulses(found)
         return None
@@ -136,7 +157,7 @@ class _Effects:
         """∫ ∇H · r dt by power of h along a solution, (powers, n)."""
         products = self._energy_gradient(y) * self._values(y)
         rates = products.sum(axis=1)
-        rates[abs(rates) <= CANCELLED * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
+        rates[abs(rates) <= NOISE * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
         changes = np.zeros(rates.shape)
         changes[:, 1:] = np.cumsum((rates[:, 1:] + rates[:, :-1]) * (spacing / 2), axis=1)
         return changes
@@ -214,17 +235,17 @@ def _spacing(terms: ModifiedTerms, y0: np.ndarray, span: float, t0: float) -> fl
     from integrators import method
 
     field, whole = modified_field(method("explicit-euler"), terms.field.scene, 3), abs(span)
-    spacing, was_reduced = min(whole, _time_scale(field, y0[:, None], all_terms=True) / RESOLUTION), False
-    for _ in range(MOST_REFINEMENTS):
-        points = min(FIRST_BLOCK, math.ceil(whole / spacing))
+    spacing, was_reduced = min(whole, _time_scale(field, y0[:, None], all_terms=True) / IMPULSES.per_scale), False
+    for _ in range(IMPULSES.trials):
+        points = min(IMPULSES.first, math.ceil(whole / spacing))
         states = _exact_states(field.scene, y0, math.copysign(spacing, span), points, t0)
-        wanted = _time_scale(field, states) / RESOLUTION
-        if spacing > FINER * wanted:
+        wanted = _time_scale(field, states) / IMPULSES.per_scale
+        if spacing > IMPULSES.wide * wanted:
             spacing, was_reduced = wanted, True
-        elif was_reduced or wanted < COARSER * spacing or points < FIRST_BLOCK:
+        elif was_reduced or wanted < IMPULSES.narrow * spacing or points < IMPULSES.first:
             return math.copysign(spacing, span)
         else:
-            spacing *= COARSER
+            spacing *= IMPULSES.narrow
     raise SeriesError("scene must have a solution whose time scale does not tend to zero, but that of this one does")
 
 

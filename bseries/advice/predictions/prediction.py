@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 SECONDS = 0.3
 """Duration of the timed part: some time slices of the scheduler."""
-FIRST_STEPS, GROWTH = 64, 4
-"""Steps of the first trial, and the factor to the next, so that the last one takes less than four times `SECONDS`/2."""
 
 
 class Stopwatch:
@@ -49,9 +47,9 @@ def seconds_per_step(scene: Scene, method: Method | str, steps: int, **options: 
             integrate(method, scene, steps=count, progress=watch, **options)
         return watch
 
-    count, watch = FIRST_STEPS, run(min(FIRST_STEPS, steps))
+    count, watch = 64, run(min(64, steps))
     while watch.seconds <= SECONDS / 2 and count < steps:
-        count *= GROWTH
+        count *= 4  # so that the last trial takes less than four times `SECONDS`/2
         watch = run(min(count, steps))
     if not watch.steps:
         return None

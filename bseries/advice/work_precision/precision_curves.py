@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.measures import MEASURES, SOLUTION, check_measure
 from bseries.advice.predictions.prediction import duration
@@ -43,18 +43,24 @@ if TYPE_CHECKING:
 BUDGET = 0.2
 """CPU seconds for the longest run of a method. All runs of a method take about twice as long as the longest, and those
 of a dozen methods five seconds."""
-TRIAL_STEP = 1e-9
-"""Step size for compilation, small enough for all methods."""
 LOOSEST, FINEST = 1.0, 1e-15
 """Bounds on the errors of interest, which are relative: no correct digit, and all digits of doubles."""
-SPAN = 200.0
-"""Default length of runs, as a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
 FINE = 100
 """Steps per time scale that the budget allows over the longest span: enough for about six digits with a method of order
 4."""
-SHORTER, TRIALS = 2.2, 8
-"""Factor by which the default span is shortened while there is no reference solution, which leads from one of 1, 2, 5,
-10, … to the next; and the largest number of trials."""
+
+
+class DefaultSpan(NamedTuple):
+    """The length of runs if none is given."""
+
+    scales: float = 200.0
+    """As a multiple of `time_scale`: about thirty periods, which show the growth of errors."""
+    shorter: float = 2.2
+    """Factor by which it is shortened while there is no reference solution: from one of 1, 2, 5, 10, … to the next."""
+    trials: int = 8
+
+
+SPAN = DefaultSpan()
 
 
 class WorkPrecision:
@@ -281,12 +287,12 @@ def work_precision(
     for k, candidate in enumerate(chosen):
         report(k, total)
         steps = stepper(candidate.method, scene, solver=candidate.solver)
-        with suppress(StepError):  # the first step compiles
-            steps.advance(steps.start(h=TRIAL_STEP), 1)
-    judge = Judge(scene, length or _rounded(SPAN * time_scale(scene)), measures, finest)
-    for _ in range(TRIALS if length is None else 0):
+        with suppress(StepError):  # the first step, small enough for all methods, compiles
+            steps.advance(steps.start(h=1e-9), 1)
+    judge = Judge(scene, length or _rounded(SPAN.scales * time_scale(scene)), measures, finest)
+    for _ in range(SPAN.trials if length is None else 0):
         if judge.problem:
-            judge = Judge(scene, _rounded(judge.span / SHORTER), measures, finest)
+            judge = Judge(scene, _rounded(judge.span / SPAN.shorter), measures, finest)
     if not judge.available:
         problem = f"{' and '.join(measures)} cannot: {judge.problem}"
         raise IntegratorError(f"measure must be one that can be measured on {scene.name}, but {problem}")
@@ -379,10 +385,6 @@ AXES = {
     "solution": "largest error of the solution, relative to the size of the state",
     "energy": "largest error of the energy, relative to it",
 }
-SAMPLES = 50
-"""Number of errors for which the cheapest method is found: five or more for each power of ten."""
-BEYOND = 10.0
-"""Factor by which the axis exceeds the errors of interest, on both sides, so that curves do not end at its edges."""
 
 
 def name_curves(panel: Axes, size: float = NAME_SIZE) -> Legend:
@@ -407,11 +409,11 @@ def draw(curves: Sequence[Curve], errors: tuple[float, float], measures: Sequenc
 def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float], measure: str) -> None:
     """Draw CPU times against an error: the Pareto front of each method, strong if it is the cheapest for some error."""
     loosest, finest = errors
-    limits = min(loosest * BEYOND, 1.0), finest / BEYOND
+    limits = min(10 * loosest, 1.0), finest / 10  # so that curves do not end at the edges
     panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
     panel.grid(color="#dddddd", linewidth=0.4)
     best = set[str]()
-    for error in (loosest * (finest / loosest) ** (k / SAMPLES) for k in range(SAMPLES + 1)):
+    for error in (loosest * (finest / loosest) ** (k / 50) for k in range(51)):  # five or more in a power of ten
         times = {curve.candidate.name: t for curve in curves if (t := curve.seconds(error, measure)) is not None}
         best |= {min(times, key=times.__getitem__)} if times else set()
     for k, curve in enumerate(curves):

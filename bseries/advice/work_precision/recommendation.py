@@ -15,16 +15,23 @@ from integrators.exact.arguments import read_positive
 if TYPE_CHECKING:
     from bseries.advice.work_precision.sweeps import Curve, Judge
 
-NEAR = 1.6
-"""Methods whose interpolated times are within this factor of the least are examined: interpolation between rows, whose
-steps differ by √2 or 2, may be wrong by this factor where the convergence is irregular."""
-MOST_EXAMINED = 4
-"""Each takes about fifty runs; the fifth was never the cheapest."""
-NARROW = 1.02
-"""Accuracy of the largest step, as a factor: a fifth of the 10 % allowed for a recommendation."""
-FINER = tuple(1.01**k for k in range(1, 21))
-"""Factors of the number of steps at which the error is also checked: up to 1.22, over most of the distance to the next
-row."""
+
+class Search(NamedTuple):
+    """Limits of the search for the cheapest method: recommendations may exceed the least time by 10 %."""
+
+    near: float = 1.6
+    """Methods whose interpolated times are within this factor of the least are examined: interpolation between rows,
+    whose steps differ by √2 or 2, may be wrong by this factor where the convergence is irregular."""
+    most: int = 4
+    """Methods examined: each takes about fifty runs; the fifth was never the cheapest."""
+    narrow: float = 1.02
+    """Accuracy of the largest step, as a factor: a fifth of the 10 %."""
+    finer: tuple[float, ...] = tuple(1.01**k for k in range(1, 21))
+    """Factors of the number of steps at which the error is also checked: up to 1.22, over most of the distance to the
+    next row."""
+
+
+SEARCH = Search()
 
 
 class Recommendation(NamedTuple):
@@ -88,7 +95,7 @@ def choose(judge: Judge, curves: Sequence[Curve], error: float, measure: str | N
     wanted = read_positive(error, "error")
     able = [curve for curve in curves if bracket(curve.sizes(measure), wanted)[0] is not None]
     times = sorted(((curve.seconds(wanted, measure) or math.inf, curve) for curve in able), key=lambda entry: entry[0])
-    near = [curve for seconds, curve in times if seconds <= NEAR * times[0][0]][:MOST_EXAMINED]
+    near = [curve for seconds, curve in times if seconds <= SEARCH.near * times[0][0]][: SEARCH.most]
     steps = (largest_step(judge, curve, wanted, measure) for curve in near)
     met = {step.curve.candidate.name: step for step in steps if step is not None}
     if not met:
@@ -131,10 +138,10 @@ def largest_step(judge: Judge, curve: Curve, error: float, measure: str) -> Step
         half = good // 2
         good, bad = (half, 0) if meets(half) else (good, half)
     while True:
-        while bad and good > max(bad + 1, NARROW * bad):
+        while bad and good > max(bad + 1, SEARCH.narrow * bad):
             middle = min(max(bad + 1, round(math.sqrt(good * bad))), good - 1)
             good, bad = (middle, bad) if meets(middle) else (good, middle)
-        later = sorted(n for n in {round(good * factor) for factor in FINER} if n > good)
+        later = sorted(n for n in {round(good * factor) for factor in SEARCH.finer} if n > good)
         missed = [n for n in later if not (tries[n] <= error if n in tries else meets(n)) and tries[n] >= ROUNDING]
         if not missed:
             return Step(curve, good, tries[good])

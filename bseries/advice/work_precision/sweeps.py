@@ -58,8 +58,6 @@ WHOLE = (
 )
 """For any field."""
 AUTO, ALL = "auto", "all"
-MOST_STAGES = 8
-"""Most stages of families, if all methods are requested: more stages are not more accurate in double precision."""
 
 
 class Candidate(NamedTuple):
@@ -105,7 +103,8 @@ def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
         return {name: name for name in WHOLE}
     if methods == ALL:
         entries = (entry for entry in catalogue() if entry.is_family or not entry.parameters)
-        stages = ((e.name, range(e.least_stages, MOST_STAGES + 1) if e.is_family else [""]) for e in entries)
+        # More than eight stages are not more accurate in double precision.
+        stages = ((e.name, range(e.least_stages, 9) if e.is_family else [""]) for e in entries)
         return {f"{name}{s}": f"{name}{s}" for name, numbers in stages for s in numbers}
     found: dict[str, Method | str] = {}
     for given in [methods] if isinstance(methods, str) or not isinstance(methods, Iterable) else methods:
@@ -188,31 +187,30 @@ class DenseReference:
 Swept = list[tuple[int, "RunErrors"]]
 
 UNSOLVED = "did not converge"
-OBSERVATIONS = 400
-"""Observations of the solution: over the default span about 13 in each period."""
-ENERGY_OBSERVATIONS = 4000
-"""Energies are cheap to observe, and their errors have narrow peaks, as at a perihelion."""
-FIRST_STEP = 4.0
-"""The first step size, as a multiple of `time_scale`: methods of many stages allow steps of that size."""
-STEEP = 30.0
-"""If halving the step reduces the error by a larger factor, further steps are divided by √2, so that there are two or
-three rows for each power of ten."""
-PATIENCE, GAIN = 2, 1.2
-"""A sweep ends after this many steps with errors below `ROUNDING` that reduce the error by less than this factor: one
-may do so by chance, and methods of order 1 reduce it by √2."""
-SAMPLE = 0.004
-"""Seconds of steps in a sample: shorter than elsewhere, since many rows are timed."""
-STIFF = 1e-4
-"""If the largest step with convergent stages has a smaller error, the step is limited by the solver, not by accuracy:
-otherwise the first steps of a sweep have no correct digit."""
 LEAST_SECONDS = 5e-9
 """Lower bound for the time of a step, some additions, which ends the sweeps of methods that always fail."""
-SLOWEST, NUDGE = 10.0, 1e-6
-"""Bound on the time scale in multiples of |f|/|f'f|, more than a period; and the relative increment for f'f."""
-LEAST_ERROR = 2.0**-60
-"""Replaces errors of 0 in logarithms; all others are larger."""
 Point = TypeVar("Point", bound=tuple)
 """An error, the CPU seconds for it, and further entries."""
+
+
+class SweepLimits(NamedTuple):
+    """Which steps a sweep takes, and when it ends."""
+
+    first_step: float = 4.0
+    """The first step size, as a multiple of `time_scale`: methods of many stages allow steps of that size."""
+    steep: float = 30.0
+    """If halving the step reduces the error by a larger factor, further steps are divided by √2, so that there are two
+    or three rows for each power of ten."""
+    gain: float = 1.2
+    """Factor that a step has to reduce an error below `ROUNDING` by: methods of order 1 reduce it by √2."""
+    patience: int = 2
+    """Steps without this gain after which the sweep ends: one may be without it by chance."""
+    stiff: float = 1e-4
+    """If the largest step with convergent stages has a smaller error, the step is limited by the solver, not by
+    accuracy: otherwise the first steps of a sweep have no correct digit."""
+
+
+SWEEP = SweepLimits()
 
 
 class RunErrors(NamedTuple):
@@ -263,9 +261,9 @@ class Judge:
                     h=self.span / steps,
                     steps=steps,
                     solver=candidate.solver,
-                    save_every=max(1, steps // OBSERVATIONS),
+                    save_every=max(1, steps // 400),  # over the default span about 13 in each period
                     observe=ENERGY if self.scene.is_hamiltonian else None,
-                    observe_every=max(1, steps // ENERGY_OBSERVATIONS),
+                    observe_every=max(1, steps // 4000),  # errors have narrow peaks, as at a perihelion
                 )
         except StepError as error:
             reason = UNSOLVED if UNSOLVED in str(error) else "did not end in finite numbers"
@@ -312,7 +310,9 @@ class Curve(NamedTuple):
         """Errors and seconds on the Pareto front of the rows, from the cheapest to the most precise."""
         errors = ((row.seconds, row.errors.error(measure)) for row in self.rows)
         return pareto_front(
-            (max(error, LEAST_ERROR), seconds) for seconds, error in errors if seconds and error is not None
+            (max(error, 2.0**-60), seconds)  # an error of 0 has no logarithm; all others are larger
+            for seconds, error in errors
+            if seconds and error is not None
         )
 
     def seconds(self, error: float, measure: str = SOLUTION) -> float | None:
@@ -373,8 +373,9 @@ def time_scale(scene: Scene) -> float:
     speed = float(np.linalg.norm(here))
     if not speed:
         return 1.0
-    rate = float(np.linalg.norm(f(0.0, y + NUDGE * size / speed * here) - here)) / (NUDGE * size)
-    return min(size / speed, SLOWEST / rate) if rate > 0 else size / speed
+    nudge = 1e-6 * size  # the increment for f'f
+    rate = float(np.linalg.norm(f(0.0, y + nudge / speed * here) - here)) / nudge
+    return min(size / speed, 10 / rate) if rate > 0 else size / speed
 
 
 def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> tuple[Candidate, Swept]:
@@ -385,7 +386,7 @@ def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> t
     """
     swept = _sweep(judge, candidate, finest, budget)
     first = next((errors.error(judge.available[0]) for _, errors in swept if errors.failure is None), 0.0)
-    if any(UNSOLVED in (errors.failure or "") for _, errors in swept) and first is not None and first < STIFF:
+    if any(UNSOLVED in (errors.failure or "") for _, errors in swept) and first is not None and first < SWEEP.stiff:
         candidate = candidate._replace(solver="auto")
         return candidate, _sweep(judge, candidate, finest, budget)
     return candidate, swept
@@ -394,7 +395,7 @@ def sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> t
 def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> Swept:
     """Runs with decreasing steps until the error is below `finest`, no longer falls, or the budget is spent."""
     measure = judge.available[0]
-    steps = max(1, math.ceil(judge.span / (FIRST_STEP * time_scale(judge.scene))))
+    steps = max(1, math.ceil(judge.span / (SWEEP.first_step * time_scale(judge.scene))))
     found: Swept = []
     best, idle, factor = math.inf, 0, 2.0  # the least error, steps without gain, and the factor to the next step
     while True:
@@ -402,10 +403,10 @@ def _sweep(judge: Judge, candidate: Candidate, finest: float, budget: float) -> 
         found.append((steps, errors))
         error = errors.error(measure)
         if error is not None:
-            idle = idle + 1 if error > best / GAIN and best < ROUNDING else 0
-            factor = math.sqrt(2) if error * STEEP < best < math.inf else factor
+            idle = idle + 1 if error > best / SWEEP.gain and best < ROUNDING else 0
+            factor = math.sqrt(2) if error * SWEEP.steep < best < math.inf else factor
             best = min(best, error)
-            if error < finest or idle >= PATIENCE:
+            if error < finest or idle >= SWEEP.patience:
                 break
         following = max(steps + 1, round(steps * factor))
         per_step = errors.seconds / steps if errors.failure is None and len(found) > 1 else LEAST_SECONDS
@@ -428,7 +429,7 @@ def timed_curves(judge: Judge, swept: Sequence[tuple[Candidate, Swept]]) -> list
         chosen = {steps: steps if iterates else counts[-1] for steps in counts}
         timed.append({steps: f"{candidate.name} {n}" for steps, n in chosen.items()})
         work |= {f"{candidate.name} {n}": judge.work(candidate, n) for n in chosen.values()}
-    costs = step_costs(work, sample=SAMPLE)
+    costs = step_costs(work, sample=0.004)  # shorter than elsewhere, since many rows are timed
     return [
         Curve(candidate, tuple(Row(judge.span / n, n, costs.get(keys.get(n, "")), e) for n, e in rows))
         for (candidate, rows), keys in zip(swept, timed, strict=True)

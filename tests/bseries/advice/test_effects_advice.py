@@ -13,7 +13,7 @@ import tomli_w
 
 import bseries as bs
 from bseries.advice.effects.costs import effect_variants
-from bseries.advice.effects.influences import EffectRow, Influence, _recommended
+from bseries.advice.effects.influences import EffectRow, Influence, effects_to_leave_out
 from bseries.advice.timing import Timing
 from integrators.compile.scene_source import scene_source
 from integrators.runs.observers import observers
@@ -235,7 +235,7 @@ class Runs:
 def test_what_is_no_number_is_never_left_out_or_confirmed(alone, together, expected):
     found = {name: Influence(size, None) for name, size in zip("ab", alone, strict=True)}
     rows = [EffectRow(name, "", influence, influence) for name, influence in found.items()]
-    assert _recommended(Runs(together), rows, "solution", 0.5, 2.0) == expected  # pyright: ignore[reportArgumentType]
+    assert effects_to_leave_out(Runs(together), rows, "solution", 0.5, 2.0) == expected  # pyright: ignore[reportArgumentType]
 
 
 def test_parts_of_a_method_with_effects_that_bring_blocks():

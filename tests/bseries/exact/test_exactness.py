@@ -177,12 +177,12 @@ def test_bounds_neither_underflow_nor_overflow():
 
 
 def test_moduli_beyond_the_bound_change_nothing(monkeypatch):
-    method, usual = bs.method("dormand-prince54"), powers._bits
+    method, usual = bs.method("dormand-prince54"), powers.bits_of_sums
     found = modified(method)
-    monkeypatch.setattr(powers, "_bits", lambda *a: [x + 100 for x in usual(*a)])
+    monkeypatch.setattr(powers, "bits_of_sums", lambda *a: [x + 100 for x in usual(*a)])
     more = modified(method)
     assert list(map(int, more.raw)) == list(map(int, found.raw))
-    monkeypatch.setattr(powers, "_bits", lambda *a: [max(1, x - 60) for x in usual(*a)])
+    monkeypatch.setattr(powers, "bits_of_sums", lambda *a: [max(1, x - 60) for x in usual(*a)])
     assert modified(method).coefficients() != found.coefficients()
 
 

@@ -136,7 +136,7 @@ def test_without_file_descriptors_connections_wait(monkeypatch):
     def exhausted(self):
         raise OSError(code, "no more")
 
-    with server._Listener(0) as listener:
+    with server.Listener(0) as listener:
         monkeypatch.setattr(socket.socket, "accept", exhausted)
         code = errno.EMFILE
         with pytest.raises(BlockingIOError):  # the server comes again, and logs nothing
@@ -239,7 +239,7 @@ def test_failures_that_may_pass_are_asked_again(monkeypatch):
         explorer, request = server.Explorer(Failing()), Request()
         found = []
         for _ in range(4):
-            found.append((await explorer._answer(request)).sentences[0])
+            found.append((await explorer.answer(request)).sentences[0])
             await asyncio.sleep(0.01)
         return found
 

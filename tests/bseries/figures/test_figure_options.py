@@ -364,7 +364,9 @@ class TestAnimations:
             animate(figure_file(name), None, path)
 
     def test_an_encoder_that_fails(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(registry, "_encoder", lambda: "false")
+        from matplotlib import rcParams
+
+        monkeypatch.setitem(rcParams, "animation.ffmpeg_path", "false")
         with pytest.raises(bs.SeriesError, match="animate must be a file that ffmpeg can write, but false failed on"):
             animate(figure_file("area-patch"), area_patch.numbers(steps=4), tmp_path / "patch.mp4")
         assert not list(tmp_path.iterdir())

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import traceback
+import weakref
 from pathlib import Path
 
 import pytest
@@ -125,11 +126,11 @@ def test_what_is_not_kept_leaves_no_trace(directory):
 
 def test_what_is_not_kept_goes_with_its_last_user(directory):
     module = load_module(SOURCE.format(6), keep=False)
-    name, answer = module.__name__, module.answer
-    assert name in modules._PASSING
+    name, answer, passing = module.__name__, module.answer, weakref.ref(module)
+    assert load_module(SOURCE.format(6), keep=False) is module
     del module
     gc.collect()
-    assert name not in modules._PASSING
+    assert passing() is None
     assert answer() == 6
     kept = load_module(SOURCE.format(6))
     assert kept.__name__ == name in sys.modules

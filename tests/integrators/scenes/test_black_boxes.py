@@ -363,7 +363,7 @@ def bouncing_with(k):
 
 def forget():
     """Drop what is kept for later calls."""
-    for cache in (stepping.kept_stepper, black_boxes._compiled):
+    for cache in (stepping.kept_stepper, black_boxes.compiled_box):
         cache.cache_clear()
     gc.collect()
 
