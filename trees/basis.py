@@ -58,8 +58,9 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
     """All objects of a kind with 1 … `max_order` nodes, sorted by their number of nodes and numbered from 0.
 
     The elements with one node are the letters, in `colors` colours, and have the ids 0 … colors−1. A subclass sets
-    `max_order`, `colors` and `sizes`, gives the cuts, and reads and writes its elements. It may override `cut_chunks`,
-    where the rows of one element after another are too slow.
+    `max_order`, `colors` and `sizes`, and may then set `_complete`, after which it is immutable. It gives the cuts, and
+    reads and writes its elements. It may override `cut_chunks`, where the rows of one element after another are too
+    slow.
 
     Attributes:
         max_order: Largest number of nodes.
@@ -193,6 +194,11 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
     def _key(self) -> tuple[Any, ...]:
         """What tells two bases of one kind apart."""
         return self.max_order, self.colors
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if "_complete" in self.__dict__:
+            raise AttributeError(f"a basis is immutable: {name} cannot be set")
+        super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Basis) and type(self) is type(other) and self._key == other._key

@@ -129,11 +129,6 @@ class TreeTable(Basis[Tree]):
         )
         self._complete = True
 
-    def __setattr__(self, name: str, value: object) -> None:
-        if "_complete" in self.__dict__:
-            raise AttributeError(f"a table is immutable: {name} cannot be set")
-        super().__setattr__(name, value)
-
     def __reduce__(self) -> tuple[Any, ...]:
         return TreeTable, (self.max_order, self.colors, self.limits)
 

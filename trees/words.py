@@ -45,6 +45,7 @@ class Words(Basis[Word]):
         self.sizes = [self.colors**n for n in range(1, self.max_order + 1)]
         cuts = sum(n * size for n, size in enumerate(self.sizes))
         counting.refuse_table_beyond_memory(8 * cuts, f"the {sum(self.sizes)} words with up to {order} letters")
+        self._complete = True
 
     def rows(self, at: int) -> list[tuple[int, int, int]]:
         """The cuts of a word, from its end on."""
@@ -85,7 +86,7 @@ class Words(Basis[Word]):
         for letter in element:
             if letter not in range(self.colors):
                 return -1
-            code = code * self.colors + letter
+            code = code * self.colors + int(letter)
         return self.offsets[len(element) - 1] + code
 
     def letters(self, element: Word) -> tuple[int, ...]:

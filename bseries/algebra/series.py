@@ -222,7 +222,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         """Raise a SeriesError unless the other series has the same basis."""
         if self.basis != other.basis:
             raise SeriesError(
-                f"both series must have the same trees, but were on {self.basis!r} and {other.basis!r}; "
+                f"both series must have the same {self.basis.what}, but were on {self.basis!r} and {other.basis!r}; "
                 "use truncate(order) for a common order"
             )
         if self.names != other.names:

@@ -98,15 +98,16 @@ def _read(data: Mapping[str, Any]) -> Any:
         text = term.get(what, "")
         if not isinstance(text, str):
             raise SeriesError(f"{what} must be text, but was {shown(text)}")
-        tree = basis.read(text, names if len(names) > 1 else None)
-        at = basis.index(tree)
+        at = basis.index(basis.read(text, names if len(names) > 1 else None))
         if at in known:
             raise SeriesError(f"terms must have each {what} once, but had {shorten(text)} twice")
         known.add(at)
-        values[at] = _number(term.get("coefficient" if digits is None else "exact"), domain, f"coefficient of {tree}")
+        values[at] = _number(
+            term.get("coefficient" if digits is None else "exact"), domain, f"coefficient of {shorten(text)}"
+        )
         error = term.get("error", 0)
         if not isinstance(error, int | Decimal) or not 0 <= error <= float_info.max:
-            raise SeriesError(f"error of {tree} must be a number, 0 or more, but was {shown(error)}")
+            raise SeriesError(f"error of {shorten(text)} must be a number, 0 or more, but was {shown(error)}")
         errors[at] = float(error)
     stored = make_values(basis, values)
     if (stored.name in ("QQ", "RR") or domain in ("QQ", "RR")) and stored.name != domain:
@@ -125,7 +126,9 @@ def _read(data: Mapping[str, Any]) -> Any:
 
 def _basis_of(data: Mapping[str, Any], colors: int, terms: int, *, nonzero: bool) -> Basis[Any]:
     """The basis of a document; the number of its terms is checked before the basis is made."""
-    is_on_words = data.get("basis") == "words"
+    if "basis" in data and data["basis"] != "words":
+        raise SeriesError(f"basis must be words, or left out for trees, but was {shown(data['basis'])}")
+    is_on_words = "basis" in data
     if is_on_words:
         count = sum(colors**n for n in range(1, check_size(data["order"], colors)[0] + 1))
     else:

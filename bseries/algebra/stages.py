@@ -182,8 +182,8 @@ def check_method(method: object) -> Method:
     if isinstance(method, Method):
         return method
     raise SeriesError(
-        "method must be a method such as method('rk4') or a series, or inherit `Method` and have a property `program`, "
-        f"but was {method!r:.60}"
+        "method must be a method such as method('rk4') or a series on trees, or inherit `Method` and have a property "
+        f"`program`, but was {method!r:.60}"
     )
 
 

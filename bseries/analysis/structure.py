@@ -209,8 +209,8 @@ def accuracy(method: Method | BSeries | str, order: int | None = None) -> Verdic
         HLW, theorem III.1.5. `order_of` needs no trees where simplifying assumptions suffice.
     """
     method = as_method(method)
-    auxiliary = frozenset() if isinstance(method, BSeries) else auxiliary_colors(method)
-    return accuracy_of(series_of(method, order), auxiliary)
+    s = series_of(method, order)
+    return accuracy_of(s, frozenset() if isinstance(method, BSeries) else auxiliary_colors(method))
 
 
 @cached_conditions

@@ -201,6 +201,24 @@ def test_errors_name_the_argument():
         lie_derivative(some(Words(3), 1, 0), some(Words(4), 1, 0))
     with pytest.raises(bs.SeriesError, match="b must be a BSeries"):
         bs.substitute(some(Words(3), 1, 0), bs.method("rk4"))
+    with pytest.raises(bs.SeriesError, match="both series must have the same words, but were on Words"):
+        bs.compose(some(Words(3), 1, 1), bs.series("rk4", 3))
+    with pytest.raises(bs.SeriesError, match=r"method must be a method .* or a series on trees"):
+        bs.analysis.accuracy(some(Words(3), 1, 1), 3)
+    document = some(Words(2), 1, 1).to_dict()
+    with pytest.raises(bs.SeriesError, match="basis must be words, or left out for trees, but was 'wordz'"):
+        bs.load_series(json.dumps({**document, "basis": "wordz"}))
+    document["terms"][2]["coefficient"] = "nan"
+    with pytest.raises(bs.SeriesError, match="coefficient of p p must be the text of a number"):
+        bs.load_series(json.dumps(document))
+
+
+def test_words_are_immutable_and_equal_letters_are_equal_words():
+    words = Words(3)
+    with pytest.raises(AttributeError, match="immutable"):
+        words.max_order = 2
+    assert [words.find(word) for word in ((0.0,), (True, 0.0), (0.5,))] == [0, words.index("q p"), -1]
+    assert some(words, 1, 1)[(0.0, 1.0)] == some(words, 1, 1)["p q"]
 
 
 def test_documents_of_series_on_words_are_read_back():
