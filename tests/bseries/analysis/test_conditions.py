@@ -244,7 +244,7 @@ def test_check_reports_embedded_orders():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: bs.order_of(4), "method must be a method such as method\\('rk4'\\) or a series on trees, .* but was 4"),
+        (lambda: bs.order_of(4), "method must be a method such as .* or a series on trees, .* but was 4"),
         (lambda: bs.order_of(bs.exact_flow(3).log()), "method must be a flow"),
         (lambda: bs.order_of(bs.exact_flow(3), 5), "order must be at most 3"),
         (lambda: bs.check(None), "method must be a method"),
