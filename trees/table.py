@@ -400,17 +400,20 @@ class TreeTable(Basis[Tree]):
             size = (last - first) * (n - 1)
             chunk = _Splits(last, start, self.column(size, "uint32"), self.column(size, "uint32"))
             self._split(first, last, kept, chunk)
-            yield Cuts(first, last, self.column(list(range(0, size + 1, n - 1))), chunk.trunk, chunk.branch)
+            yield Cuts(first, last, self._starts(first, last), chunk.trunk, chunk.branch)
 
     @cached_property
     def _kept_starts(self) -> Any:
-        """The first row of every tree whose cuts are kept, and the number of all rows."""
+        return self._starts(0, self._splits.last)
+
+    def _starts(self, first: int, last: int) -> Any:
+        """Where the rows of the trees first … last−1 begin, and where the last of them end."""
         if not self.compiled:
-            return [0, *accumulate(n - 1 for n in self.orders[: self._splits.last])]
+            return [0, *accumulate(n - 1 for n in self.orders[first:last])]
         import numpy as np
 
-        starts = np.zeros(self._splits.last + 1, np.int64)
-        np.cumsum(self.order[: self._splits.last] - 1, out=starts[1:])
+        starts = np.zeros(last - first + 1, np.int64)
+        np.cumsum(self.order[first:last] - 1, out=starts[1:])
         return starts
 
 

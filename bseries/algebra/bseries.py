@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, cast
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
 from bseries.algebra.series import Series
-from bseries.exact.domains import exact_number, make_values
+from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from foundation.table import Column
+from trees.basis import Basis
 from trees.drawing import svg
 from trees.table import TreeTable, tree_table
 from trees.tree import Tree
@@ -88,9 +89,7 @@ class BSeries(Series):
             >>> exact["[τ,[τ]]"]
             Fraction(1, 8)
         """
-        table = tree_table(order, colors, max_children)
-        values = make_values(table, (rule(tree) for tree in table))
-        return cls(table, values, exact_number(empty), names=names)
+        return cls.of(tree_table(order, colors, max_children), rule, empty=empty, names=names)
 
     def to_float(self) -> BSeries:
         """The series with every coefficient rounded to the nearest float."""
@@ -112,7 +111,7 @@ class BSeries(Series):
 
     def inverse(self) -> BSeries:
         """The series of the inverse map."""
-        if self.source is None or self.empty != 1:
+        if self.source is None:
             return super().inverse()
         inverse = self.source.inverse()
         return self._made(inverse.series(self.table), 1).with_source(inverse)
@@ -166,6 +165,11 @@ class BSeries(Series):
             raise SeriesError(f"coefficients must be rational or floats for BSeries.jl, but were in {self.domain}")
         inexact = self.digits is not None or self.stored.kind == "float"
         return presentation.to_julia(self.terms(), self.empty, self.table, inexact=inexact)
+
+
+def class_on(basis: Basis[Any]) -> type[Series]:
+    """The class of series on a basis."""
+    return BSeries if isinstance(basis, TreeTable) else Series
 
 
 def check_trees(s: object, name: str) -> None:

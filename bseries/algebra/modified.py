@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, overload
 
-from bseries.algebra.bseries import BSeries
+from bseries.algebra.bseries import BSeries, class_on
 from bseries.algebra.series import Series
 from bseries.algebra.stages import ExactStages, FlowChain, MethodInputs, check_method, inputs_of, size_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
@@ -197,8 +197,9 @@ def of_method(
     """The series computed from the stages of a method, or from its chain of flows; digits give an `uncertainty`."""
     values, digits = values_of(inputs), method.digits
     errors = uncertainty(method, inputs, basis) if digits is not None and inputs.kind in ("rational", "float") else None
-    kind = BSeries if isinstance(basis, TreeTable) else Series
-    made = kind(basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors)
+    made = class_on(basis)(
+        basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors
+    )
     if empty == 1 and isinstance(made, BSeries) and isinstance(inputs, ExactStages):
         return made.with_source(inputs)
     return made

@@ -11,9 +11,8 @@ from math import isfinite
 from sys import float_info
 from typing import IO, Any
 
-from bseries.algebra.bseries import BSeries
+from bseries.algebra.bseries import BSeries, class_on
 from bseries.algebra.presentation import KINDS
-from bseries.algebra.series import Series
 from bseries.algebra.uncertainty import of_errors
 from bseries.exact.domains import make_values
 from bseries.exact.number_fields import MOST_COEFFICIENT
@@ -26,7 +25,7 @@ from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression
 from trees.basis import Basis
 from trees.counting import check_size, count_trees
 from trees.notation import check_names
-from trees.table import TreeTable, tree_table
+from trees.table import tree_table
 from trees.words import Words
 
 MOST_BYTES = 200_000_000
@@ -112,7 +111,7 @@ def _read(data: Mapping[str, Any]) -> Any:
     stored = make_values(basis, values)
     if (stored.name in ("QQ", "RR") or domain in ("QQ", "RR")) and stored.name != domain:
         raise SeriesError(f"domain must be that of the coefficients, {stored.name}, but was {shorten(domain)!r}")
-    return (BSeries if isinstance(basis, TreeTable) else Series)(
+    return class_on(basis)(
         basis,
         stored,
         _number(data["empty"], None, "empty"),

@@ -137,7 +137,7 @@ class RationalStages(ExactStages):
         self.sums = sums
 
     def _sum(self, table: TreeTable, weights: PowerWeights) -> RationalValues:
-        return powers.rational_sum(table, self.stages, self.sums, weights)
+        return powers.rational_sum(table, self.stages, self.step, self.sums, weights)
 
     @cached_property
     def integers(self) -> Wrapped:

@@ -97,10 +97,12 @@ def _lagrange(s: Fraction, n: int, k: int) -> Fraction:
 
 
 def rational_sum(
-    table: TreeTable, stages: Stages, sums: tuple[Fraction, Fraction], weights: PowerWeights
+    table: TreeTable, stages: Stages, step: int, sums: tuple[Fraction, Fraction], weights: PowerWeights
 ) -> RationalValues:
-    """Σ_k w_k a^k for a method with rational entries; `sums` bound those of |b_i|, and of |a_ij| over j."""
-    step = math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b)))
+    """Σ_k w_k a^k for a method with rational entries, of which `step` is a common denominator.
+
+    `sums` bound those of |b_i|, and of |a_ij| over j.
+    """
     if machine_code_pays(weights.steps * stages.size * len(table)):
         return _from_residues(table, stages, step, sums, weights)
     numerators = recursions.sum_of_powers(table, stages, step, weights.numerators, integers())

@@ -15,7 +15,7 @@ from typing import Any
 
 from bseries.exact import kernels, power_kernels
 from bseries.exact.arithmetic import Exact, factorial_weights, rationals
-from bseries.exact.residues import LARGE, threads
+from bseries.exact.residues import LARGE, in_threads
 from trees.basis import Basis
 from trees.table import TreeTable, partitions_of
 
@@ -138,7 +138,7 @@ def _sum_of_powers(
     for now in range(steps):
         for first, last in pairwise(table.offsets):
             parts = [*range(first, last, LARGE // 4), last]
-            list(threads().map(partial(add, now, now + 1), parts, parts[1:]))
+            list(in_threads(partial(add, now, now + 1), parts, parts[1:]))
     return total, applied
 
 

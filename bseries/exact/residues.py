@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from math import floor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from bseries.exceptions import SeriesError
 from foundation.interrupts import mapped
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     Words = NDArray[np.int64]
     Integers = Words | list[int]
+
+T = TypeVar("T")
 
 PRIME_BITS = 30
 WORD = 63
@@ -82,7 +84,7 @@ def exact_integers(
         wanted = bits[known] + max(0, growth[-1] - growth[known]) - have
         more = primes_beyond(max(wanted, 1), avoid * math.prod(primes))
         primes += more
-        residues += mapped(threads(), run, more) if SMALL < offsets[-1] <= LARGE else map(run, more)
+        residues += in_threads(run, more) if SMALL < offsets[-1] <= LARGE else map(run, more)
         rooms = [int(sum(math.log2(p) - 1e-9 for p in primes)) + (WORD if low is not None else -1)] * len(bits)
     return _joined([*found, part(offsets[len(found)], None)]) if primes or low is None else low
 
@@ -96,13 +98,14 @@ def _joined(parts: Sequence[Integers]) -> Integers:
     return np.concatenate(parts)
 
 
-def threads() -> ThreadPoolExecutor:
-    """One pool for each process: starting threads takes longer than a run on few trees."""
-    return _threads(os.getpid())
+def in_threads(function: Callable[..., T], *arguments: Iterable[Any]) -> Iterable[T]:
+    """The results of a function for the arguments of each call, in the order of these."""
+    return mapped(_threads(os.getpid()), function, *arguments)
 
 
 @lru_cache(maxsize=1)
 def _threads(process: int) -> ThreadPoolExecutor:
+    """One pool for each process: starting threads takes longer than a run on few trees."""
     return ThreadPoolExecutor(min(os.cpu_count() or 1, 8))
 
 
