@@ -396,7 +396,11 @@ class Polynomials(Exact):
         if isinstance(value, int):
             return self.ring.convert(value)
         rational = self.ring.domain
-        return self.ring.ring.from_dict({k: rational(int(x.p), int(x.q)) for k, x in value.to_dict().items()})
+        terms = {
+            tuple(map(int, powers)): rational(int(x.p), int(x.q))  # powers as Python's ints: SymPy 1.12 makes floats of flint's
+            for powers, x in value.to_dict().items()
+        }
+        return self.ring.ring.from_dict(terms)
 
 
 def flint_polynomial(descending: Sequence[Any]) -> fmpq_poly:
