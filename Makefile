@@ -14,7 +14,7 @@ dev: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --ignore tests/benchmarks \
-		tests foundation trees integrators bseries README.md
+		tests bseries_base trees integrators bseries README.md
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal

@@ -126,7 +126,7 @@ def check_folder(path: Path) -> Path:
 
 def write_page(result: Result, page: Path) -> None:
     """Write the page and its pictures."""
-    from foundation.plotting import picture
+    from bseries_base.plotting import picture
     from integrators.core.text_files import atomic_write
 
     for name, drawn in pictures(result).items():

@@ -86,7 +86,7 @@ def figures(rows: list[Row]) -> list[Figure]:
 
 def draw(rows: list[Row]) -> Picture:
     """Time per tree, and digits, against the order."""
-    from foundation.plotting import new_figure, print_style
+    from bseries_base.plotting import new_figure, print_style
 
     with print_style():
         figure = new_figure((18, 8))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from foundation.kernels import kernel
+from bseries_base.kernels import kernel
 
 from .cases import Case
 from .timing import Sampler, time_calls

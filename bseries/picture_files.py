@@ -8,8 +8,8 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from foundation.extras import optional_module
-from foundation.plotting import FORMATS, picture
+from bseries_base.extras import optional_module
+from bseries_base.plotting import FORMATS, picture
 from integrators.core.text_files import atomic_write, check_path
 
 if TYPE_CHECKING:

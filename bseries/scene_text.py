@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from foundation.formulas import formula_text
-from foundation.table import Column, Table
+from bseries_base.formulas import formula_text
+from bseries_base.table import Column, Table
 from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.scenes.scene import latex_formula
 

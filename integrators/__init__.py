@@ -5,6 +5,6 @@ Heavy imports wait until a name is used (PEP 562); ``__init__.pyi`` is the list 
 
 import lazy_loader
 
-import foundation.forks as _  # noqa: F401 (forks wait from the first import on)
+import bseries_base.forks as _  # noqa: F401 (forks wait from the first import on)
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,7 +17,7 @@ import bseries
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("trees", "integrators", "bseries")
-BELOW = "foundation"
+BELOW = "bseries_base"
 HEAVY = {"numpy", "sympy", "numba", "networkx", "matplotlib", "scipy", "rich", "click"}
 MOST_LINES = 600
 

@@ -14,7 +14,7 @@ import pytest
 import bseries as bs
 import integrators
 import trees
-from foundation.table import MOST_LATEX, MOST_ROWS
+from bseries_base.table import MOST_LATEX, MOST_ROWS
 
 ROOMS = (
     bs, trees, trees.hopf, integrators, bs.methods, bs.analysis, bs.stability, bs.algebra, bs.conditions, bs.fields,

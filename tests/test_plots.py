@@ -20,8 +20,8 @@ from matplotlib import pyplot  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 from bseries.picture_files import save_picture  # noqa: E402
-from foundation.diagrams import COLOURS  # noqa: E402
-from foundation.plotting import new_figure, picture  # noqa: E402
+from bseries_base.diagrams import COLOURS  # noqa: E402
+from bseries_base.plotting import new_figure, picture  # noqa: E402
 
 COLOUR_WEIGHTS = (0.299, 0.587, 0.114)
 

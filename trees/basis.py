@@ -17,8 +17,8 @@ from functools import cached_property
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, overload
 
-from foundation.lowering.flat_kernels import machine_code_pays
-from foundation.table import Column, LazyRows, Table, Tabular
+from bseries_base.lowering.flat_kernels import machine_code_pays
+from bseries_base.table import Column, LazyRows, Table, Tabular
 from trees.counting import check_order
 from trees.errors import TreeError
 from trees.notation import default_names

@@ -8,8 +8,8 @@ from itertools import accumulate
 from numbers import Real
 from typing import Any
 
-from foundation.memory import refuse_beyond_memory
-from foundation.table import Column, Table
+from bseries_base.memory import refuse_beyond_memory
+from bseries_base.table import Column, Table
 from trees.errors import TreeError
 
 MOST_NODES = 60

@@ -7,7 +7,7 @@ from html import escape
 from itertools import accumulate, islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
-from foundation.plotting import PALETTE, drawing, fit_picture, in_centimetres
+from bseries_base.plotting import PALETTE, drawing, fit_picture, in_centimetres
 from trees.errors import TreeError
 from trees.notation import check_names, default_names, parents_of, tree_text
 

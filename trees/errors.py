@@ -1,6 +1,6 @@
 """The error that every misuse of this package raises."""
 
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 
 
 class TreeError(BSeriesError):

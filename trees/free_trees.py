@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from foundation.lowering.flat_kernels import flat_kernel
+from bseries_base.lowering.flat_kernels import flat_kernel
 from trees import kernels
 from trees.drawing import svg
 from trees.errors import TreeError

@@ -7,7 +7,7 @@ id(u ∘ v) = base[u, |v|, colour(v)] + v without hashing.
 
 from __future__ import annotations
 
-from foundation.lowering.flat_kernels import flat_kernel
+from bseries_base.lowering.flat_kernels import flat_kernel
 
 OUTSIDE = -(2**31)
 """Base of products outside the table, negative after any id is added."""

@@ -8,7 +8,7 @@ from itertools import accumulate
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.table import Column, LazyRows, Table, listed
+from bseries_base.table import Column, LazyRows, Table, listed
 from trees import counting, kernels
 from trees.basis import Basis, Cuts, Growth
 from trees.counting import Limits, normal_limits

@@ -10,7 +10,7 @@ from math import factorial, prod
 from operator import index
 from typing import TYPE_CHECKING, Any
 
-from foundation.numbers import latex_number
+from bseries_base.numbers import latex_number
 from trees.drawing import draw, svg
 from trees.errors import TreeError
 from trees.formulas import elementary_differential, elementary_weight, is_latex

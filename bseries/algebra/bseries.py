@@ -11,7 +11,7 @@ from bseries.algebra.presentation import SeriesTerm
 from bseries.algebra.series import Series
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
-from foundation.table import Column
+from bseries_base.table import Column
 from trees.basis import Basis
 from trees.drawing import svg
 from trees.table import TreeTable, tree_table

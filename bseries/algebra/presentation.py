@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
 from bseries.scene_text import FLOATS
-from foundation.numbers import latex_number, number_text
+from bseries_base.numbers import latex_number, number_text
 from trees.table import TreeTable
 
 

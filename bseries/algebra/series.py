@@ -14,7 +14,7 @@ from bseries.algebra.presentation import SeriesTerm
 from bseries.exact import lie
 from bseries.exact.domains import Values, alike, as_floats, exact_number, make_values
 from bseries.exceptions import SeriesError
-from foundation.table import MOST_ROWS, Column, LazyRows, Table, Tabular, listed, short_latex
+from bseries_base.table import MOST_ROWS, Column, LazyRows, Table, Tabular, listed, short_latex
 from integrators.core.immutable import ImmutableValue
 from trees.basis import Basis
 from trees.counting import check_order

@@ -27,7 +27,7 @@ from bseries.analysis.order import Verdict, field_elements, flow_of
 from bseries.analysis.structure import Coloring, Structure, closure, failing, has_blocks
 from bseries.exact.domains import make_values, to_float
 from bseries.exceptions import SeriesError
-from foundation.table import as_html
+from bseries_base.table import as_html
 from integrators.methods.programs.program import Method
 from trees.free_trees import grafting, rootings
 from trees.table import TreeTable

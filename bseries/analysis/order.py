@@ -25,7 +25,7 @@ from bseries.analysis.stability.field_elements import RealAlgebraic, from_elemen
 from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
-from foundation.table import Column, Table, as_frame, as_html, as_text, fact_table
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import nearest_decimal
 from integrators.exact.polynomials import from_flint, to_flint

@@ -29,8 +29,8 @@ from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES, block_names
 from bseries.exceptions import SeriesError
-from foundation.numbers import latex_number, number_text
-from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
+from bseries_base.numbers import latex_number, number_text
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import EntryRow

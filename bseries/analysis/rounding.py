@@ -11,7 +11,7 @@ from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, in
 from bseries.algebra.uncertainty import rough_series
 from bseries.analysis.order import affordable_order, exact_values_of, order_of, trusted
 from bseries.exact.domains import alike
-from foundation.table import Table, as_html, fact_table
+from bseries_base.table import Table, as_html, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

@@ -8,8 +8,8 @@ import sys
 from types import FrameType
 from typing import Any
 
+from bseries_base.interrupts import in_llvmlite, interrupt_soon
 from bseries_command import INTERRUPTED
-from foundation.interrupts import in_llvmlite, interrupt_soon
 
 ALLOCATIONS = 500_000
 """Objects made between two searches for garbage, more than imports make.

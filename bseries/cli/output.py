@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from bseries.cli.application import Refusal
-from foundation.machine_code import is_compiling
-from foundation.table import FORMATS, LazyRows, Table
+from bseries_base.machine_code import is_compiling
+from bseries_base.table import FORMATS, LazyRows, Table
 
 if TYPE_CHECKING:
     from threading import Timer

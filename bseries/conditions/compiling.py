@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from bseries.conditions.condition_program import IMAGE, ONE, PRODUCT, PULLBACK, VECTOR, ConditionProgram
 from bseries.conditions.formulas import named_blocks, read_arrays, stage_matrices
 from bseries.exceptions import SeriesError
-from foundation.kernels import kernel
+from bseries_base.kernels import kernel
 
 Tables = tuple[np.ndarray, ...]
 

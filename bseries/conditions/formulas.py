@@ -27,7 +27,7 @@ from bseries.conditions.condition_program import (
     EquationTerm,
 )
 from bseries.exceptions import SeriesError
-from foundation.numbers import latex_number
+from bseries_base.numbers import latex_number
 from trees.counting import check_order
 from trees.formulas import factor_text, index_letters
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from bseries.course.questions import QUESTIONS, Question
 from bseries.exceptions import SeriesError
-from foundation.errors import BSeriesError
-from foundation.table import Column, Table, as_frame, as_html, as_text
+from bseries_base.errors import BSeriesError
+from bseries_base.table import Column, Table, as_frame, as_html, as_text
 from integrators.core.errors import shorten, shown, suggestion
 
 MOST_CHARACTERS = 100_000

@@ -16,7 +16,7 @@ from bseries.exceptions import SeriesError
 from bseries.figures.lennard_jones_drift import LECTURE, SIMPLIFIED
 from bseries.figures.lennard_jones_drift import start as equilibrated
 from bseries.figures.registry import compute, figure_file
-from foundation.numbers import latex_number
+from bseries_base.numbers import latex_number
 from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:

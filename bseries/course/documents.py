@@ -20,8 +20,8 @@ from typing import Any, NamedTuple, TypeVar
 from bseries.course.computed import computed, figure_data, filled, places
 from bseries.exceptions import SeriesError
 from bseries.figures.registry import drawn, figure_file
-from foundation.extras import MissingPackage, optional_module
-from foundation.plotting import picture
+from bseries_base.extras import MissingPackage, optional_module
+from bseries_base.plotting import picture
 from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write
 

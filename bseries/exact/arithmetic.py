@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from foundation.kernels import Kernel
+from bseries_base.kernels import Kernel
 
 if TYPE_CHECKING:
     from trees.basis import Basis, Cuts

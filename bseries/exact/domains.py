@@ -36,7 +36,7 @@ from bseries.exact.arithmetic import Exact, float_lists, floats, rationals
 from bseries.exact.number_fields import NoNumberFieldError, domain_of
 from bseries.exact.rationals import Operation, RationalValues, Values
 from bseries.exceptions import SeriesError
-from foundation.lowering.flat_kernels import machine_code_pays
+from bseries_base.lowering.flat_kernels import machine_code_pays
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import nearest_double
 from integrators.exact.polynomials import to_flint
@@ -397,7 +397,9 @@ class Polynomials(Exact):
             return self.ring.convert(value)
         rational = self.ring.domain
         terms = {
-            tuple(map(int, powers)): rational(int(x.p), int(x.q))  # powers as Python's ints: SymPy 1.12 makes floats of flint's
+            tuple(map(int, powers)): rational(
+                int(x.p), int(x.q)
+            )  # powers as Python's ints: SymPy 1.12 makes floats of flint's
             for powers, x in value.to_dict().items()
         }
         return self.ring.ring.from_dict(terms)

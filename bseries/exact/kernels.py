@@ -8,7 +8,7 @@ reduction.
 from __future__ import annotations
 
 from bseries.exact.power_kernels import FEW, add_multiple, reduce_range
-from foundation.lowering.flat_kernels import flat_kernel
+from bseries_base.lowering.flat_kernels import flat_kernel
 
 
 @flat_kernel

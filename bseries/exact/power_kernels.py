@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from math import floor
 
-from foundation.lowering.flat_kernels import flat_kernel
+from bseries_base.lowering.flat_kernels import flat_kernel
 
 FEW = 16
 CHUNK = 1024

@@ -31,7 +31,7 @@ from bseries.exact.arithmetic import float_lists, floats, integers, prime_field,
 from bseries.exact.denominators import power_unit, primorial
 from bseries.exact.rationals import RationalValues
 from bseries.exact.residues import WORD, exact_integers
-from foundation.lowering.flat_kernels import machine_code_pays
+from bseries_base.lowering.flat_kernels import machine_code_pays
 from trees.table import TreeTable
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from bseries.exact.arithmetic import MOST_TERMS, Exact, Prime, Wrapped, whole
 from bseries.exact.bounds import Bound
 from bseries.exact.denominators import smallest_step, twos
 from bseries.exact.residues import exact_integers, largest_size
-from foundation.lowering.flat_kernels import machine_code_pays
+from bseries_base.lowering.flat_kernels import machine_code_pays
 
 if TYPE_CHECKING:
     from bseries.exact.residues import Words

@@ -16,8 +16,8 @@ from math import floor
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bseries.exceptions import SeriesError
-from foundation.interrupts import mapped
-from foundation.lowering.flat_kernels import flat_kernel
+from bseries_base.interrupts import mapped
+from bseries_base.lowering.flat_kernels import flat_kernel
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foundation.machine_code import njit
+from bseries_base.machine_code import njit
 from integrators import method
 from integrators.steppers.states import StepError
 

@@ -16,7 +16,7 @@ from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit,
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
 from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 from integrators import Stepper, reference_solution, stepper
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method

@@ -12,7 +12,7 @@ from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
 from bseries.analysis.stability import criteria
 from bseries.exceptions import SeriesError
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.presentation import tableau_html

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.extras import optional_module
-from foundation.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
+from bseries_base.extras import optional_module
+from bseries_base.plotting import BLACK, BLUE, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,7 +11,7 @@ from bseries.explorer.flows import SPAN, SceneFlows
 from bseries.explorer.method_facts import method_facts, region_of
 from bseries.explorer.plots import FILL, FLOWS, ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import checked_method, checked_scene
-from foundation.extras import optional_module
+from bseries_base.extras import optional_module
 from integrators.methods.programs.program import Method
 from integrators.scenes.scene import Scene
 

@@ -26,8 +26,8 @@ from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShap
 from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
-from foundation.errors import plain
-from foundation.extras import optional_module
+from bseries_base.errors import plain
+from bseries_base.extras import optional_module
 from integrators import catalogue, scene_catalogue
 
 if TYPE_CHECKING:

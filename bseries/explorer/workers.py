@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 from typing import TypeVar
 
 from bseries.exceptions import SeriesError
-from foundation.children import Children, end_with_parent
+from bseries_base.children import Children, end_with_parent
 
 T = TypeVar("T")
 SECONDS = 30.0

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from bseries.fields.inputs import in_threads
-from foundation.lowering import SOURCES
+from bseries_base.lowering import SOURCES
 from integrators.compile.modules import load_module
 from integrators.compile.printer import Assign, operation_cost, source_lines
 
@@ -23,10 +23,10 @@ FORMULAS = '''\
 
 from math import *
 
-from foundation.machine_code import njit
+from bseries_base.machine_code import njit
 from numba import types
 
-from foundation.lowering.units import lowered
+from bseries_base.lowering.units import lowered
 
 compiled_with = njit(nogil=True, error_model="numpy", fastmath={{"contract"}})
 

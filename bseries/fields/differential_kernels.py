@@ -30,9 +30,9 @@ from bseries.fields.taylor_polynomials import (
     SCALE,
     SHIFT,
 )
-from foundation.kernels import Kernel, float_kernel
-from foundation.lowering import SOURCES
-from foundation.lowering.units import lowered
+from bseries_base.kernels import Kernel, float_kernel
+from bseries_base.lowering import SOURCES
+from bseries_base.lowering.units import lowered
 
 COUNTS = ORDER, TERMS, LOCALS, POLYNOMIALS, TENSORS, FIELDS, DIMENSION = range(7)
 """The first entries of `ints`: sizes, and the offsets of local variables, polynomials and tensors in the workspace."""
@@ -63,7 +63,7 @@ TERM_COLUMNS = (
 
 
 class LoweredKernel(Kernel):
-    """A kernel without a return value, whose callees are lowered kernels too (see `foundation.lowering`)."""
+    """A kernel without a return value, whose callees are lowered kernels too (see `bseries_base.lowering`)."""
 
     @cached_property
     def compiled(self) -> Any:

@@ -23,7 +23,7 @@ from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 from integrators.reference.plain_steps import Arithmetic
 
 CHUNK_ROWS = 64  # rows of sites evaluated together when there are many points

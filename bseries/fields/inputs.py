@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
-from foundation.interrupts import mapped
+from bseries_base.interrupts import mapped
 from integrators.core.errors import shorten, shown
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries
 from bseries.fields.inputs import check_power, read_states
 from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
-from foundation.formulas import formula_text
-from foundation.table import PRINT_WIDTH, Column, Table, listed
+from bseries_base.formulas import formula_text
+from bseries_base.table import PRINT_WIDTH, Column, Table, listed
 from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

@@ -17,8 +17,8 @@ from bseries.fields.inputs import check_power, power_sum
 from bseries.fields.modified_fields import SceneSeries, check_field
 from bseries.fields.polynomials import Element
 from bseries.scene_text import power_table
-from foundation.formulas import formula_text
-from foundation.table import Table, as_frame, as_html
+from bseries_base.formulas import formula_text
+from bseries_base.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries.exceptions import SeriesError
-from foundation.diagrams import draw_legend
-from foundation.plotting import BLUE, VERMILION, drawing
+from bseries_base.diagrams import draw_legend
+from bseries_base.plotting import BLUE, VERMILION, drawing
 from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:

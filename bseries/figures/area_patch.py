@@ -10,8 +10,8 @@ from bseries.exceptions import SeriesError
 from bseries.figures.helpers import label_panels, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
 from bseries.figures.words import column_names, name_of, scientific, short_names, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, SKY, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, SKY, VERMILION
 from integrators.runs.titles import printed_name
 from integrators.scenes.catalogue.registry import as_scene
 

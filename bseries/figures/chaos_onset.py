@@ -9,8 +9,8 @@ import bseries as bs
 from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, set_angle_axis
 from bseries.figures.options import read_number
 from bseries.figures.words import scientific
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, ORANGE, SKY, WHITE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, ORANGE, SKY, WHITE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

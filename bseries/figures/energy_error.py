@@ -9,8 +9,8 @@ from bseries.exceptions import SeriesError
 from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_methods, read_number, read_start
 from bseries.figures.words import column_names, name_of, power_of_h, scientific, short_names, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREY, ORANGE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

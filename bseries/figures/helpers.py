@@ -7,7 +7,7 @@ from math import pi
 from typing import TYPE_CHECKING, Any
 
 import bseries as bs
-from foundation.extras import np
+from bseries_base.extras import np
 from integrators.methods.catalogue.registry import as_method
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from bseries.figures.chaos_onset import APART, NEARBY, is_chaotic
 from bseries.figures.helpers import growing, label_panels, logarithmic_indices, reduced_angle, set_angle_axis
 from bseries.figures.options import read_count, read_method, read_numbers, read_starts
 from bseries.figures.words import listed, name_of, power_of_h, scientific, state, subscript
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,8 @@ import bseries as bs
 from bseries.figures.helpers import fitted_factor, growth_exponent, label_panels, logarithmic_indices
 from bseries.figures.options import read_count, read_number
 from bseries.figures.words import power, scientific
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, SKY
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, SKY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,8 +8,8 @@ import bseries as bs
 from bseries.figures.helpers import growth_exponent, label_panels, logarithmic_indices
 from bseries.figures.options import read_method, read_number
 from bseries.figures.words import name_of, power
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, ORANGE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import bseries as bs
 from bseries.figures.helpers import after_a_turn, growing, label_panels, truncated_scene
 from bseries.figures.options import read_methods, read_number, read_starts
 from bseries.figures.words import column_names, listed, name_of, power_of_h, short_names, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREY, ORANGE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

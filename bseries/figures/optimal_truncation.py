@@ -10,8 +10,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_count
 from bseries.figures.words import state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import bseries as bs
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from foundation.extras import np
+from bseries_base.extras import np
 from integrators.core.arguments import as_lists, is_listed, split_row
 from integrators.core.errors import shown
 from integrators.exact.expressions import parse_constant

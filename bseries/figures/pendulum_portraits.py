@@ -8,8 +8,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels, reduced_angle, set_angle_axis
 from bseries.figures.options import read_methods, read_numbers, read_starts
 from bseries.figures.words import column_names, listed, name_of, scientific, short_names, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, WHITE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,8 @@ from bseries.exceptions import SeriesError
 from bseries.figures.helpers import truncated_scene
 from bseries.figures.options import read_method, read_number
 from bseries.figures.words import listed, name_of, scientific
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

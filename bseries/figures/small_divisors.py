@@ -9,8 +9,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_count
 from bseries.figures.words import listed
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels
 from bseries.figures.options import read_number
 from bseries.figures.words import scientific
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, ORANGE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels, logarithmic_indices, power_exponent
 from bseries.figures.options import read_count, read_method, read_start
 from bseries.figures.words import listed, name_of, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, ORANGE, SKY, VERMILION
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, ORANGE, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import bseries as bs
 from bseries.figures.helpers import label_panels, power_exponent
 from bseries.figures.options import read_methods, read_numbers
 from bseries.figures.words import column_names, name_of, power, short_names
-from foundation.extras import np
-from foundation.plotting import BLUE, ORANGE
+from bseries_base.extras import np
+from bseries_base.plotting import BLUE, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

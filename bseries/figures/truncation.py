@@ -9,8 +9,8 @@ from bseries.exceptions import SeriesError
 from bseries.figures.helpers import after_a_turn, label_panels, truncated_scene
 from bseries.figures.options import read_count, read_methods, read_number, read_start
 from bseries.figures.words import column_names, listed, name_of, power_of_h, scientific, short_names, state
-from foundation.extras import np
-from foundation.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, WHITE
+from bseries_base.extras import np
+from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, WHITE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,7 +15,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.inputs import read_states
 from bseries.fields.polynomials import TooLarge
-from foundation.formulas import formula_text
+from bseries_base.formulas import formula_text
 from integrators.core.arguments import items
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.functions import as_function

@@ -31,7 +31,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step, read_symbolic_step
 from bseries.fields.truncation import convergence_radius
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
-from foundation.formulas import formula_text
+from bseries_base.formulas import formula_text
 from integrators import RungeKutta
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function

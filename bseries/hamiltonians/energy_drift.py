@@ -27,9 +27,9 @@ from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from bseries.hamiltonians.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.perturbations import PeriodGain, Perturbation, Violation, angle_periods, violations
 from bseries.scene_text import place
-from foundation.diagrams import axis_label, draw_band, draw_legend
-from foundation.plotting import BLACK, SKY, drawing
-from foundation.table import Column, Table, as_frame, as_html, as_text, latex_text
+from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.plotting import BLACK, SKY, drawing
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.arguments import read_steps
 from integrators.core.errors import shorten
 from integrators.exact.arguments import read_number, read_vector

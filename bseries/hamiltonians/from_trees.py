@@ -36,7 +36,7 @@ from bseries.fields.modified_fields import (
     trees_of_method,
     trees_of_series,
 )
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method, common_bounds

@@ -32,8 +32,8 @@ from bseries.fields.inputs import power_sum
 from bseries.fields.polynomials import Element
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
 from bseries.scene_text import power_table
-from foundation.formulas import formula_text
-from foundation.table import Table, as_frame, as_html
+from bseries_base.formulas import formula_text
+from bseries_base.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import sum_entries
 from integrators.methods.catalogue.registry import as_method

@@ -28,8 +28,8 @@ from bseries.fields.inputs import check_power, in_threads, power_sum, read_state
 from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
-from foundation.formulas import formula_text
-from foundation.kernels import float_kernel
+from bseries_base.formulas import formula_text
+from bseries_base.kernels import float_kernel
 from integrators.core.arguments import items
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function

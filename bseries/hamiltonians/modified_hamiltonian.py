@@ -30,11 +30,11 @@ from bseries.hamiltonians.verdicts import (
     is_proved_symplectic,
     name_of,
 )
-from foundation.diagrams import axis_label, draw_curves, draw_levels
-from foundation.errors import BSeriesError
-from foundation.formulas import formula_text
-from foundation.plotting import BLUE, drawing
-from foundation.table import PRINT_WIDTH, Column, Table, listed, short_latex
+from bseries_base.diagrams import axis_label, draw_curves, draw_levels
+from bseries_base.errors import BSeriesError
+from bseries_base.formulas import formula_text
+from bseries_base.plotting import BLUE, drawing
+from bseries_base.table import PRINT_WIDTH, Column, Table, listed, short_latex
 from integrators.core.errors import shown
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method

@@ -29,7 +29,7 @@ from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from bseries.scene_text import with_effects
-from foundation.table import Column, Table, as_frame, as_html
+from bseries_base.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.functions import as_function
 from integrators.methods.catalogue.registry import as_method

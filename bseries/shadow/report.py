@@ -14,10 +14,10 @@ import numpy as np
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.slope_noise import CHANCE, slope_noise
-from foundation.diagrams import OVER_DATA, axis_label, draw_curves
-from foundation.kernels import float_kernel
-from foundation.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
-from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from bseries_base.diagrams import OVER_DATA, axis_label, draw_curves
+from bseries_base.kernels import float_kernel
+from bseries_base.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
 from integrators.runs.titles import write_title

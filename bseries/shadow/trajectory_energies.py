@@ -17,7 +17,7 @@ from bseries.exceptions import SeriesError
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
 from bseries.shadow.report import ShadowReport, Statistics
 from bseries.shadow.sources import Columns, SceneForces, Source, open_source
-from foundation.kernels import float_kernel
+from bseries_base.kernels import float_kernel
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene

@@ -14,7 +14,7 @@
     source of a module
         │   modules.load_module             module in memory, named by all that its machine code depends on
         │   lowering                        LLVM code of steps and other large functions; numba compiles the rest
-        │   foundation.machine_code         cache on disk
+        │   bseries_base.machine_code         cache on disk
         ▼
     machine code
 """

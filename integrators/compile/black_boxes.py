@@ -19,8 +19,8 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from foundation.extras import optional_module
-from foundation.machine_code import FUNCTION, MachineCode
+from bseries_base.extras import optional_module
+from bseries_base.machine_code import FUNCTION, MachineCode
 from integrators.compile.c_functions import data
 from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
@@ -33,7 +33,7 @@ from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
-    from foundation.lowering.expressions import Written
+    from bseries_base.lowering.expressions import Written
 
 _DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
 _FAILURE = threading.local()
@@ -89,7 +89,7 @@ def dispatcher_of(function: Any) -> Any:
 
 def written(key: str) -> Written:
     """The black box with this key, in code that is lowered with its callers."""
-    from foundation.lowering.expressions import Written
+    from bseries_base.lowering.expressions import Written
     from integrators.compile.user_functions import write_call
 
     return Written(partial(write_call, *_parts(box_of(key))))
@@ -109,7 +109,7 @@ def _kept(box: BlackBox) -> MachineCode:
 @lru_cache(maxsize=8)  # not kept by the box: SymPy's caches keep hundreds of these
 def compiled_box(box: BlackBox) -> MachineCode:
     """The C function of a black box; the last ones are kept."""
-    from foundation.lowering.objects import written_code
+    from bseries_base.lowering.objects import written_code
     from integrators.compile.user_functions import write_values
 
     return MachineCode(written_code(partial(write_values, *_parts(box), FUNCTION), FUNCTION))

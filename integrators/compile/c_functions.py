@@ -14,10 +14,10 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from foundation import machine_code
-from foundation.forks import MODULES
-from foundation.lowering import SOURCES
-from foundation.machine_code import MachineCode, ObjectCode
+from bseries_base import machine_code
+from bseries_base.forks import MODULES
+from bseries_base.lowering import SOURCES
+from bseries_base.machine_code import MachineCode, ObjectCode
 from integrators.compile.modules import load_module, module_name
 
 _WHOLE, _DOUBLE, _DOUBLES = ctypes.c_int64, ctypes.c_double, ctypes.POINTER(ctypes.c_double)

@@ -12,8 +12,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from foundation import machine_code
-from foundation.extras import missing_package
+from bseries_base import machine_code
+from bseries_base.extras import missing_package
 
 try:
     from llvmlite import ir
@@ -24,14 +24,14 @@ try:
 except ImportError as error:  # in a browser
     raise missing_package("numba", "steps on a scene", error) from None
 
-from foundation.lowering.objects import object_code
+from bseries_base.lowering.objects import object_code
 from integrators.compile.c_functions import STEPS, CFunction
 
 if TYPE_CHECKING:
     from numba.core.base import BaseContext
     from numba.core.typing.templates import Signature
 
-    from foundation.machine_code import ObjectCode
+    from bseries_base.machine_code import ObjectCode
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 """As in C with gcc: products and sums may fuse, 1/0 is infinite, sums are not reordered."""

@@ -1,7 +1,7 @@
 """Modules in memory from generated source.
 
 The name of a module contains a hash of everything its machine code depends on: the text, the sources of imported
-helpers (whose edits numba does not notice) and the version of this package. `foundation.machine_code` caches the code
+helpers (whose edits numba does not notice) and the version of this package. `bseries_base.machine_code` caches the code
 of its functions under this name.
 """
 
@@ -20,8 +20,8 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakValueDictionary, finalize
 
-from foundation.forks import MODULES
-from foundation.machine_code import package_version
+from bseries_base.forks import MODULES
+from bseries_base.machine_code import package_version
 
 _PASSING: WeakValueDictionary[str, ModuleType] = WeakValueDictionary()
 
@@ -62,7 +62,7 @@ def module_name(source: str, helpers: Sequence[ModuleType | str | os.PathLike[st
 
 
 class _Loader(SourceLoader):
-    """Executes source in memory, and returns it to tracebacks and `foundation.machine_code`."""
+    """Executes source in memory, and returns it to tracebacks and `bseries_base.machine_code`."""
 
     def __init__(self, data: bytes):
         self._source = data

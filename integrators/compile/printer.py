@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import sympy
 
-from foundation.syntax_trees import syntax_tree
+from bseries_base.syntax_trees import syntax_tree
 from integrators.compile.operation_graph import (
     ONE,
     OperationGraph,
@@ -261,7 +261,7 @@ class _Printer:
 
 MAX_KEPT_DATA = 100_000
 """Numbers in a constant array beyond which machine code is not cached on disk (a megabyte)."""
-KEPT, COMPILED = "from foundation.machine_code import njit", "from numba import njit"
+KEPT, COMPILED = "from bseries_base.machine_code import njit", "from numba import njit"
 MAX_WIDTH = 100
 WRITTEN = '{box}{key} = written("{key}")'
 CALLED = """\

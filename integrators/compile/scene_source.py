@@ -15,7 +15,7 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 import sympy
 
-from foundation.lowering import MOST_PERMUTED, WIDTH
+from bseries_base.lowering import MOST_PERMUTED, WIDTH
 from integrators.compile.modules import load_module
 from integrators.compile.printer import KEPT, Assign, ModuleText, count_operations, indented, source_lines
 from integrators.scenes.model.system import Argument, Data, LocalTerm, Output, Place, System, output_formula

@@ -19,10 +19,10 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import signature
 from numba.np.arrayobj import populate_array
 
-from foundation.lowering.expressions import Value
-from foundation.lowering.objects import written_code
-from foundation.lowering.units import Unit
-from foundation.machine_code import FUNCTION, MachineCode
+from bseries_base.lowering.expressions import Value
+from bseries_base.lowering.objects import written_code
+from bseries_base.lowering.units import Unit
+from bseries_base.machine_code import FUNCTION, MachineCode
 from integrators.core.errors import IntegratorError, shorten
 from integrators.scenes.model.black_boxes import BlackBox
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
 from unicodedata import normalize
 
-from foundation.extras import loaded_module
+from bseries_base.extras import loaded_module
 from integrators.core.errors import IntegratorError, shown
 
 if TYPE_CHECKING:

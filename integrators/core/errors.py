@@ -1,10 +1,10 @@
 """The error that every misuse of this package raises, and the parts of its messages."""
 
-from foundation.errors import BSeriesError as BSeriesError
-from foundation.errors import not_one_of as not_one_of
-from foundation.errors import shorten as shorten
-from foundation.errors import shown as shown
-from foundation.errors import suggestion as suggestion
+from bseries_base.errors import BSeriesError as BSeriesError
+from bseries_base.errors import not_one_of as not_one_of
+from bseries_base.errors import shorten as shorten
+from bseries_base.errors import shown as shown
+from bseries_base.errors import suggestion as suggestion
 
 
 class IntegratorError(BSeriesError):

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
-from foundation.memory import refuse_beyond_memory
+from bseries_base.memory import refuse_beyond_memory
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.text_files import replacing
 

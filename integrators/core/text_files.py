@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
-from foundation.interrupts import uninterrupted
+from bseries_base.interrupts import uninterrupted
 from integrators.core.errors import IntegratorError, shorten, shown, suggestion
 
 MAX_BYTES = 10_000_000

@@ -9,7 +9,7 @@ from math import floor, fsum, inf, isfinite, log10
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from foundation.extras import loaded_module
+from bseries_base.extras import loaded_module
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number

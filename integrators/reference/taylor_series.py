@@ -25,7 +25,7 @@ from mpmath import isfinite, mpf
 from mpmath.libmp import to_rational
 from numpy.typing import NDArray
 
-from foundation.machine_code import njit
+from bseries_base.machine_code import njit
 from integrators.compile import machine
 from integrators.compile.machine import fma
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable

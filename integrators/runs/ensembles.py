@@ -18,10 +18,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from foundation.children import Children, end_with_parent, safe_path, start_tracker
-from foundation.extras import loaded_module, optional_module
-from foundation.interrupts import mapped, uninterrupted
-from foundation.memory import refuse_beyond_memory
+from bseries_base.children import Children, end_with_parent, safe_path, start_tracker
+from bseries_base.extras import loaded_module, optional_module
+from bseries_base.interrupts import mapped, uninterrupted
+from bseries_base.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import step_count

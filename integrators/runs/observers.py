@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from foundation.machine_code import MachineCode
+from bseries_base.machine_code import MachineCode
 from integrators.compile.c_functions import OBSERVER, c_function, data
 from integrators.compile.function_keys import function_key
 from integrators.compile.printer import ModuleText

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foundation.extras import optional_module
+from bseries_base.extras import optional_module
 from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.errors import IntegratorError, shorten

@@ -14,8 +14,8 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foundation.machine_code import PACKAGE, package_version
-from foundation.memory import refuse_beyond_memory
+from bseries_base.machine_code import PACKAGE, package_version
+from bseries_base.memory import refuse_beyond_memory
 from integrators.core.arguments import MOST_STEPS
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import cached_method

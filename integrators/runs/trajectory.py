@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foundation.diagrams import axis_label, draw_curves
-from foundation.extras import optional_module
-from foundation.numbers import finite_or_none
-from foundation.plotting import drawing
-from foundation.table import Column, LazyRows, Table, Tabular, number_column
+from bseries_base.diagrams import axis_label, draw_curves
+from bseries_base.extras import optional_module
+from bseries_base.numbers import finite_or_none
+from bseries_base.plotting import drawing
+from bseries_base.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.arguments import check_label, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.stored_arrays import (

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import sympy
 
-from foundation.memory import refuse_beyond_memory
+from bseries_base.memory import refuse_beyond_memory
 from integrators.compile.printer import Assign, indented
 from integrators.core.errors import IntegratorError
 from integrators.steppers.step_model import Group, Key, Node, Point

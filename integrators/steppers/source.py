@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from foundation.machine_code import MachineCode
+from bseries_base.machine_code import MachineCode
 from integrators.compile.c_functions import c_function
 from integrators.compile.printer import Assign, indented
 from integrators.steppers.adaptive import ControlText, control_text

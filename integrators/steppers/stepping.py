@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from foundation.memory import refuse_beyond_memory
+from bseries_base.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.c_functions import RECORDED, REPEATED, Pointer, c_function, data
 from integrators.compile.scene_source import compiled_scene
@@ -54,7 +54,7 @@ def compile_step(method: Method, scene: Scene, parts: Parts | None, options: Opt
             ▼
         StepSource
             │   machine code    compile.modules    module from source
-            │                foundation.lowering   LLVM code of the module; LLVM's code is cached on disk
+            │                bseries_base.lowering   LLVM code of the module; LLVM's code is cached on disk
             ▼
         int64_t advance(double *state, ...)
     """

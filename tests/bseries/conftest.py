@@ -11,7 +11,7 @@ import pytest
 
 import trees.table
 from bseries import BSeries
-from foundation.lowering import flat_kernels
+from bseries_base.lowering import flat_kernels
 
 
 @pytest.fixture(params=["compiled", "interpreted"])

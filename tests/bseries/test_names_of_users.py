@@ -14,7 +14,7 @@ import pytest
 import sympy
 
 import bseries as bs
-from foundation.formulas import formula_text
+from bseries_base.formulas import formula_text
 from integrators.exact.expressions import NOT_FINITE, parse_expression
 from integrators.scenes.checks import defects
 from integrators.scenes.model.formulas import KNOWN

@@ -14,7 +14,7 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.values import EXACT, REALS
 from bseries.course.answers import check_answers
 from bseries.explorer.reading import MOST_CHARACTERS, read_method, read_positive, read_scene
-from foundation.errors import MOST
+from bseries_base.errors import MOST
 from integrators import parse_hamiltonian, parse_scene
 from integrators.exact.expressions import parse_expression, parse_number
 from integrators.methods import export_tableau, import_tableau

@@ -12,7 +12,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from tree_oracles import grown, random_trees
 
-from foundation.plotting import PALETTE
+from bseries_base.plotting import PALETTE
 from trees.drawing import RADIUS, STEP, arrange, draw, svg
 from trees.errors import TreeError
 from trees.tree import Tree

@@ -15,8 +15,8 @@ from operator import itemgetter, mul
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
-from foundation.numbers import latex_number
-from foundation.table import MOST_ROWS, short_latex
+from bseries_base.numbers import latex_number
+from bseries_base.table import MOST_ROWS, short_latex
 from trees.errors import TreeError
 from trees.hopf.forests import Forest, common_names
 from trees.tree import Tree

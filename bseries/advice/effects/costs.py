@@ -14,9 +14,9 @@ from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import trees_of_method
-from foundation.diagrams import bar_height, draw_bars
-from foundation.plotting import drawing
-from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from bseries_base.diagrams import bar_height, draw_bars
+from bseries_base.plotting import drawing
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import items
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method

@@ -22,9 +22,9 @@ from bseries.advice.measures import (
 from bseries.advice.timing import Timing
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
-from foundation.diagrams import SHADE, bar_height, draw_bars, draw_legend
-from foundation.plotting import BLACK, VERMILION, drawing
-from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from bseries_base.diagrams import SHADE, bar_height, draw_bars, draw_legend
+from bseries_base.plotting import BLACK, VERMILION, drawing
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import MOST_STEPS, check_progress
 from integrators.exact.arguments import read_number
 from integrators.methods.catalogue.registry import as_method

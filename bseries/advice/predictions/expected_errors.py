@@ -22,7 +22,7 @@ from bseries.advice.predictions.perturbation_run import PerturbationRun, perturb
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
 from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
-from foundation.errors import BSeriesError
+from bseries_base.errors import BSeriesError
 from integrators.core.arguments import check_end
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive, step_count

@@ -184,7 +184,7 @@ def _add_impulse() -> Any:
     """Compiled observer that adds half of an impulse to the state before and after recording it."""
     from numba import types
 
-    from foundation.machine_code import cfunc
+    from bseries_base.machine_code import cfunc
     from integrators.compile.machine import DOUBLE, DOUBLES, OPTIONS
 
     def add(t: Any, y: Any, row: Any) -> None:

@@ -6,7 +6,7 @@ import warnings
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.table import Table, as_html, fact_table
+from bseries_base.table import Table, as_html, fact_table
 
 if TYPE_CHECKING:
     from integrators import Scene

@@ -23,9 +23,9 @@ from bseries.advice.work_precision.sweeps import (
     time_scale,
     timed_curves,
 )
-from foundation.diagrams import MARKERS, draw_legend, line_style
-from foundation.plotting import drawing, new_figure, print_style
-from foundation.table import Column, Table, as_frame, as_html, as_text, listed
+from bseries_base.diagrams import MARKERS, draw_legend, line_style
+from bseries_base.plotting import drawing, new_figure, print_style
+from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import check_progress
 from integrators.core.errors import IntegratorError, shorten
 from integrators.exact.arguments import read_number, read_positive

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.advice.measures import ROUNDING, check_measure
 from bseries.advice.timing import step_costs
-from foundation.table import Table, as_html, as_text, fact_table
+from bseries_base.table import Table, as_html, as_text, fact_table
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_positive
 

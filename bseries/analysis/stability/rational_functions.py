@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Self, SupportsIndex
 
 from bseries.analysis.stability import field_elements as field
 from bseries.analysis.stability.field_elements import Coefficients, Inexact
-from foundation.diagrams import draw_region
-from foundation.numbers import latex_number
-from foundation.plotting import BLACK, drawing
+from bseries_base.diagrams import draw_region
+from bseries_base.numbers import latex_number
+from bseries_base.plotting import BLACK, drawing
 from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError, shorten
 from integrators.core.immutable import ImmutableValue

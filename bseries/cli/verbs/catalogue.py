@@ -12,7 +12,7 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_scene
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot, takes_text
-from foundation.table import Table, paragraphs
+from bseries_base.table import Table, paragraphs
 
 if TYPE_CHECKING:
     from integrators import Method, Scene

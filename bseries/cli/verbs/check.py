@@ -9,7 +9,7 @@ import click
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.values import WholeNumber
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from integrators import Method

@@ -12,7 +12,7 @@ from bseries.cli.options.method_argument import complete_method, read_method
 from bseries.cli.options.values import Limits
 from bseries.cli.output import Output
 from bseries.cli.verbs.series import answer, count_rows, takes_series_options
-from foundation.table import Table
+from bseries_base.table import Table
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:

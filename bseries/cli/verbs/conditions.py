@@ -9,7 +9,7 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.values import WholeNumber, takes_max_children
 from bseries.cli.output import Output, takes_output, takes_text
-from foundation.table import Table
+from bseries_base.table import Table
 
 
 @click.command()

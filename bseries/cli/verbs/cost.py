@@ -13,7 +13,7 @@ from bseries.cli.options.method_argument import SUFFIXES, read_method
 from bseries.cli.options.scene_argument import takes_scene, takes_start
 from bseries.cli.options.values import POSITIVE, REAL, is_file
 from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.work_precision.precision_curves import WorkPrecision

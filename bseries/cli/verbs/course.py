@@ -10,7 +10,7 @@ import click
 
 from bseries.cli.application import Refusal, standard_input
 from bseries.cli.output import Output, Progress, make_folder, takes_output
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from bseries.course.answers import CheckedAnswers

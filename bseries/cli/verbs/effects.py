@@ -14,7 +14,7 @@ from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
 from bseries.cli.options.values import EXACT, WholeNumber, takes_step
 from bseries.cli.output import Output, PlotFile, Progress, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction

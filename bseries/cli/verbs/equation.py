@@ -11,7 +11,7 @@ from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene
 from bseries.cli.options.values import read_powers, takes_powers
 from bseries.cli.output import Output, takes_output
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from integrators import Method, Scene

@@ -15,7 +15,7 @@ from bseries.cli.options.method_argument import read_method
 from bseries.cli.options.scene_argument import read_scene
 from bseries.cli.options.values import completions, read_assignments
 from bseries.cli.output import Output, Progress, make_folder
-from foundation.table import Column, Table, csv_lines, paragraphs
+from bseries_base.table import Column, Table, csv_lines, paragraphs
 from integrators.core.arguments import split_row
 
 if TYPE_CHECKING:
@@ -163,8 +163,8 @@ def _make(
     """Compute the numbers of a figure, and write them, their picture or both; the numbers."""
     from bseries.figures.registry import compute, drawn, takes_progress
     from bseries.picture_files import data_rows, picture_format
-    from foundation.extras import optional_module
-    from foundation.plotting import picture
+    from bseries_base.extras import optional_module
+    from bseries_base.plotting import picture
     from integrators.core.text_files import atomic_write
 
     if path is not None:

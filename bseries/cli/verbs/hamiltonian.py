@@ -12,7 +12,7 @@ from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene
 from bseries.cli.options.values import REAL, read_powers, takes_powers
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from integrators import Method, Scene

@@ -10,7 +10,7 @@ import click
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.values import Limits, WholeNumber, adds, takes_max_children
 from bseries.cli.output import Output, takes_output
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries

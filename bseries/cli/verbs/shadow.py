@@ -12,7 +12,7 @@ from bseries.cli.application import Refusal, standard_input
 from bseries.cli.options.scene_argument import takes_scene
 from bseries.cli.options.values import REAL, REALS, WholeNumber, read_assignments
 from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from integrators import Scene

@@ -15,7 +15,7 @@ from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
 from bseries.cli.options.values import REAL, WholeNumber, takes_step
 from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table, number_column
+from bseries_base.table import Table, number_column
 
 if TYPE_CHECKING:
     from bseries.advice.predictions.prediction import Prediction

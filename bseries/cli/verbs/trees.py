@@ -7,7 +7,7 @@ import click
 from bseries.cli.application import Refusal
 from bseries.cli.options.values import Limits, WholeNumber, takes_max_children
 from bseries.cli.output import Output, PlotFile, takes_output, takes_plot
-from foundation.table import Table
+from bseries_base.table import Table
 
 
 @click.command()

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from bseries.exceptions import SeriesError
 from bseries.fields.inputs import check_power
 from bseries.scene_text import ENERGY, align, span
-from foundation.numbers import latex_number, number_text
-from foundation.table import MOST_ROWS, Column, Table, listed, short_latex
+from bseries_base.numbers import latex_number, number_text
+from bseries_base.table import MOST_ROWS, Column, Table, listed, short_latex
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient

@@ -19,7 +19,7 @@ from itertools import accumulate
 from typing import Any
 
 from bseries.exact.denominators import primes_up_to
-from foundation.kernels import kernel
+from bseries_base.kernels import kernel
 from trees.lyndon_words import count_lyndon_words
 
 MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further letter takes five times as long

@@ -9,8 +9,8 @@ from functools import cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from foundation.errors import similar
-from foundation.table import Column, Table, Tabular, listed
+from bseries_base.errors import similar
+from bseries_base.table import Column, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError
 

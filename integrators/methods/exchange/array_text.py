@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, NamedTuple, NoReturn
 
-from foundation.syntax_trees import syntax_tree
+from bseries_base.syntax_trees import syntax_tree
 from integrators.core.errors import IntegratorError, shorten
 
 MOST_CHARACTERS = 1_000_000

@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from foundation.extras import loaded_module
+from bseries_base.extras import loaded_module
 from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text

@@ -7,8 +7,8 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, Unpack
 
-from foundation.numbers import number_text
-from foundation.table import Column, Table, as_text
+from bseries_base.numbers import number_text
+from bseries_base.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
 from integrators.core.errors import IntegratorError, shown
 from integrators.exact.entries import Entry, digits_of, read_entry, sum_entries

@@ -15,8 +15,8 @@ from itertools import zip_longest
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from foundation.plotting import drawing, fit_picture, in_centimetres
-from foundation.table import Column, Table, as_html
+from bseries_base.plotting import drawing, fit_picture, in_centimetres
+from bseries_base.table import Column, Table, as_html
 from integrators.core.arguments import as_lists, check_digits, is_listed, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.immutable import ImmutableValue

@@ -8,7 +8,7 @@ from graphlib import CycleError, TopologicalSorter
 from itertools import combinations
 from typing import Any
 
-from foundation.table import Table
+from bseries_base.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import errors_from

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from foundation.extras import optional_module
-from foundation.numbers import latex_number
-from foundation.plotting import BLACK, drawing, fit_picture, in_centimetres
-from foundation.table import Column, Table
+from bseries_base.extras import optional_module
+from bseries_base.numbers import latex_number
+from bseries_base.plotting import BLACK, drawing, fit_picture, in_centimetres
+from bseries_base.table import Column, Table
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER, json_text
 from integrators.exact.expressions import format_number

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
-from foundation.table import Table
+from bseries_base.table import Table
 from integrators.core.arguments import check_digits, items, read_labels
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import entries, polynomials

@@ -10,7 +10,7 @@ from functools import cache
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from foundation.table import Column, Table, Tabular, listed
+from bseries_base.table import Column, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
 from integrators.core.errors import IntegratorError, shown, suggestion
 from integrators.scenes.model.declarations import UnknownNameError

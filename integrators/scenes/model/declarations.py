@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foundation.formulas import formula_text
+from bseries_base.formulas import formula_text
 from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import LARGEST_NUMBER

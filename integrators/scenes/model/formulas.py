@@ -11,7 +11,7 @@ from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from foundation.formulas import formula_text
+from bseries_base.formulas import formula_text
 from integrators.core.arguments import without_axes
 from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.exact import arithmetic as exact

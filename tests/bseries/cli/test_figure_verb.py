@@ -13,7 +13,7 @@ import bseries as bs
 from bseries.figures import registry, riccati, toda
 from bseries.figures.registry import compute, drawn, figure_file, figure_names
 from bseries.picture_files import data_rows
-from foundation.plotting import picture
+from bseries_base.plotting import picture
 
 pytest.importorskip("matplotlib")
 

@@ -13,7 +13,7 @@ import pytest
 from bseries.course import documents
 from bseries.course.documents import DOCUMENTS, make_course
 from bseries.exceptions import SeriesError
-from foundation.extras import MissingPackage
+from bseries_base.extras import MissingPackage
 from integrators import IntegratorError
 
 pytest.importorskip("pypandoc")

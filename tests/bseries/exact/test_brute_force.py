@@ -9,7 +9,7 @@ import pytest
 import bseries as bs
 from bseries.algebra.stages import RationalStages, stages_of
 from bseries.exact import denominators, recursions, residues
-from foundation.lowering import flat_kernels
+from bseries_base.lowering import flat_kernels
 
 PRIMES = 1073741789, 1073741783, 1073741741  # the first moduli
 NUMBERS = {

@@ -20,7 +20,7 @@ from bseries.exact.arithmetic import factorial_weights, floats
 from bseries.exact.denominators import smallest_step
 from bseries.exact.rationals import Operation, RationalValues, evaluate
 from bseries.exact.residues import exact_integers, from_residues, primes_beyond
-from foundation.lowering import flat_kernels
+from bseries_base.lowering import flat_kernels
 
 ORDER = 6
 FAST, PLAIN = -1, math.inf
@@ -392,7 +392,7 @@ json.dump(found, sys.stdout)
 '''
 
 
-SETTINGS = "import math\nfrom foundation.lowering import flat_kernels\nflat_kernels.FEW_PRODUCTS = "
+SETTINGS = "import math\nfrom bseries_base.lowering import flat_kernels\nflat_kernels.FEW_PRODUCTS = "
 
 
 @pytest.fixture(scope="module")

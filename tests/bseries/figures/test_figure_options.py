@@ -14,7 +14,7 @@ import bseries as bs
 from bseries.figures import area_patch, energy_error, lotka_volterra, registry, riccati, toda, truncation
 from bseries.figures.options import read_count, read_methods, read_number, read_numbers, read_start, read_starts
 from bseries.figures.registry import animate, compute, drawn, figure_file, figure_names
-from foundation.plotting import BLUE, GREEN, ORANGE, VERMILION, new_figure, picture, print_style
+from bseries_base.plotting import BLUE, GREEN, ORANGE, VERMILION, new_figure, picture, print_style
 from integrators.methods.catalogue.registry import catalogue
 from integrators.runs.titles import printed_name
 

@@ -30,8 +30,8 @@ from bseries.figures import (
 from bseries.figures.helpers import truncated_scene
 from bseries.figures.registry import drawn, figure_file, figure_names, options_of
 from bseries.picture_files import data_rows, picture_format
-from foundation.plotting import FORMATS, new_figure, picture
-from foundation.table import csv_lines
+from bseries_base.plotting import FORMATS, new_figure, picture
+from bseries_base.table import csv_lines
 
 pytest.importorskip("matplotlib")
 
@@ -409,7 +409,7 @@ def test_the_same_bytes_each_time():
     code = (
         "import matplotlib; matplotlib.rcParams['font.size'] = 20\n"
         "from bseries.figures.registry import compute, drawn, figure_file\n"
-        "from foundation.plotting import FORMATS, picture\n"
+        "from bseries_base.plotting import FORMATS, picture\n"
         "from hashlib import sha256\n"
         "file = figure_file('riccati')\n"
         "figure = drawn(file, compute(file, {}))\n"

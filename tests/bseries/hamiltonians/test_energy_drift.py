@@ -20,7 +20,7 @@ from bseries.fields.differential_rings import DifferentialRing
 from bseries.hamiltonians.energy_drift import energy_drift
 from bseries.hamiltonians.orbits import closed_orbit, mean_of_samples
 from bseries.hamiltonians.perturbations import Perturbation, common_period, takahashi_imada_integral, violations
-from foundation.table import PRINT_WIDTH
+from bseries_base.table import PRINT_WIDTH
 from integrators.methods.kinds.second_order import TakahashiImada
 
 REFERENCE = Path(__file__).parents[2] / "reference"

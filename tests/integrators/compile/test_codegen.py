@@ -192,7 +192,7 @@ y[4:8] = q1, q2, q3, q4
 """
 
 from math import exp
-from foundation.machine_code import njit
+from bseries_base.machine_code import njit
 
 compiled = njit(nogil=True, error_model="numpy", fastmath={"contract"})
 
@@ -233,7 +233,7 @@ def test_the_source_can_be_read():
 
 
 def test_large_constant_arrays_are_compiled_without_cache(monkeypatch):
-    assert "from foundation.machine_code import njit" in scene_source(SCENES["chain"])
+    assert "from bseries_base.machine_code import njit" in scene_source(SCENES["chain"])
     monkeypatch.setattr(printer, "MAX_KEPT_DATA", 4)
     assert "from numba import njit" in scene_source(SCENES["chain"])
     module = compiled_scene(SCENES["chain"])

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 SOURCE = "def answer():\n    return {}\n"
 
 COMPILED = '''
-from foundation.machine_code import njit
+from bseries_base.machine_code import njit
 
 
 @njit()

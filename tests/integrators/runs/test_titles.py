@@ -2,7 +2,7 @@
 
 import pytest
 
-from foundation.diagrams import axis_label
+from bseries_base.diagrams import axis_label
 from integrators.runs.titles import printed_text
 
 
@@ -36,7 +36,7 @@ def test_labels(name, label):
 
 def test_labels_are_drawn():
     """matplotlib can read each of them as a formula."""
-    from foundation.plotting import drawing
+    from bseries_base.plotting import drawing
 
     with drawing(None, ValueError) as axes:
         for name in ("p", "theta_3", "lambda", "energy", "angular_momentum", "t"):

@@ -11,7 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from foundation import memory
+from bseries_base import memory
 from integrators import IntegratorError, scene
 from integrators.core import stored_arrays
 from integrators.runs.integration import integrate

@@ -17,7 +17,7 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 import bseries as bs
-from foundation.machine_code import MachineCode
+from bseries_base.machine_code import MachineCode
 from integrators.compile import black_boxes
 from integrators.compile.black_boxes import dispatcher_of
 from integrators.reference.halved_steps import settled_solution

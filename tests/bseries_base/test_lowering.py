@@ -8,9 +8,9 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from foundation.lowering import vectors
-from foundation.lowering.units import Unit, lowered
-from foundation.lowering.vectors import VectorLoop
+from bseries_base.lowering import vectors
+from bseries_base.lowering.units import Unit, lowered
+from bseries_base.lowering.vectors import VectorLoop
 from integrators.compile.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
 
 NUMBERS = np.array([0.5, -2.0, 3.25])

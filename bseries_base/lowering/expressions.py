@@ -18,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsage]
 
-from foundation.syntax_trees import compiled_tree, syntax_tree
+from bseries_base.syntax_trees import compiled_tree, syntax_tree
 
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,

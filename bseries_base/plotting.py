@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from foundation.extras import optional_module
+from bseries_base.extras import optional_module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

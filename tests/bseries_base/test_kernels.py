@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foundation.kernels import kernel
-from foundation.lowering.flat_kernels import flat_kernel, machine_code_pays
+from bseries_base.kernels import kernel
+from bseries_base.lowering.flat_kernels import flat_kernel, machine_code_pays
 from trees import TreeTable
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 KERNELS = """
-from foundation.kernels import float_kernel
+from bseries_base.kernels import float_kernel
 import constants
 
 @float_kernel
@@ -114,7 +114,7 @@ def test_machine_code_is_loaded_without_numba(tmp_path):
 def test_machine_code_depends_on_the_files_of_all_callees(tmp_path):
     """The caller's file and key stay as they are when a callee in another file is edited."""
     (tmp_path / "caller.py").write_text(
-        "from callee import twice\nfrom foundation.lowering.flat_kernels import flat_kernel\n\n"
+        "from callee import twice\nfrom bseries_base.lowering.flat_kernels import flat_kernel\n\n"
         "@flat_kernel\ndef run(x):\n    twice(x)\n"
     )
     program = "import numpy as np, caller\nx = np.ones(1)\ncaller.run.compiled(x)\nprint(x[0])"
@@ -126,7 +126,7 @@ def test_machine_code_depends_on_the_files_of_all_callees(tmp_path):
     found = []
     for factor in ("2", "3", "2"):
         (tmp_path / "callee.py").write_text(
-            f"from foundation.lowering.flat_kernels import flat_kernel\n\n"
+            f"from bseries_base.lowering.flat_kernels import flat_kernel\n\n"
             f"@flat_kernel\ndef twice(x):\n    x[0] *= {factor}\n"
         )
         command = [sys.executable, "-B", "-c", program]

@@ -10,16 +10,16 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from foundation import machine_code
-from foundation.kernels import Kernel
-from foundation.lowering import SOURCES
-from foundation.machine_code import has_numba
+from bseries_base import machine_code
+from bseries_base.kernels import Kernel
+from bseries_base.lowering import SOURCES
+from bseries_base.machine_code import has_numba
 
 
 class FlatKernel(Kernel):
     """A kernel of numbers and flat arrays.
 
-    It is compiled by `foundation.lowering`, and its machine code on disk is loaded without numba. Callees are of the
+    It is compiled by `bseries_base.lowering`, and its machine code on disk is loaded without numba. Callees are of the
     same kind; they may return integers, if they are annotated so. Arrays with different names must not overlap.
     """
 
@@ -80,7 +80,7 @@ def _object_code(function: Any, kinds: tuple[Any, ...]) -> Any:
     import numpy as np
     from numba import from_dtype, types
 
-    from foundation.lowering.objects import object_code
+    from bseries_base.lowering.objects import object_code
 
     given = [
         types.CPointer(from_dtype(np.dtype(kind))) if isinstance(kind, str)

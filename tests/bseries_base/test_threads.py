@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from foundation.extras import loaded_module
+from bseries_base.extras import loaded_module
 
 ROOT = Path(__file__).parents[2]
 FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
@@ -110,7 +110,7 @@ def test_children_of_a_fork_compile_while_another_thread_does(delay, tmp_path):
 HELD = """
 import faulthandler, os, threading, warnings
 warnings.simplefilter("ignore", DeprecationWarning)
-from foundation.forks import {lock} as lock
+from bseries_base.forks import {lock} as lock
 
 held, ends = threading.Event(), threading.Event()
 

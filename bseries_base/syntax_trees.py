@@ -10,7 +10,7 @@ import ast
 from types import CodeType
 from typing import Any
 
-from foundation.forks import SYNTAX
+from bseries_base.forks import SYNTAX
 
 
 def syntax_tree(source: str, mode: str = "exec") -> Any:

@@ -31,14 +31,14 @@ def test_no_kind_of_error_is_another():
 
 
 def test_one_file_looks_for_names_of_a_similar_spelling():
-    folders = [ROOT / package for package in ("foundation", "trees", "integrators", "bseries")]
+    folders = [ROOT / package for package in ("bseries_base", "trees", "integrators", "bseries")]
     found = [
         path
         for folder in folders
         for path in folder.rglob("*.py")
         if "get_close_matches" in path.read_text(encoding="utf-8")
     ]
-    assert found == [ROOT / "foundation" / "errors.py"]
+    assert found == [ROOT / "bseries_base" / "errors.py"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-OWN = frozenset({"bseries", "foundation", "integrators", "trees"})
+OWN = frozenset({"bseries", "bseries_base", "integrators", "trees"})
 PACKAGES = OWN | {"llvmlite", "mpmath", "numba", "numpy", "sympy"}
 """Packages whose import is waited for: those that first uses import."""
 MODULES = threading.RLock()

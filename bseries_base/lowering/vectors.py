@@ -18,8 +18,8 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from foundation.lowering import MOST_PERMUTED, WIDTH
-from foundation.lowering.expressions import OPERATORS, WHOLE, Expressions, Value
+from bseries_base.lowering import MOST_PERMUTED, WIDTH
+from bseries_base.lowering.expressions import OPERATORS, WHOLE, Expressions, Value
 
 WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 ALIGNMENT = 8

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from foundation import memory
+from bseries_base import memory
 
 LIMITED = """
 import resource

@@ -19,8 +19,8 @@ import pytest
 from llvmlite.binding import ExecutionEngine
 
 import bseries as bs
-from foundation import machine_code
-from foundation.machine_code import CHECKSUM, MachineCode, ObjectCode, c_address, c_function
+from bseries_base import machine_code
+from bseries_base.machine_code import CHECKSUM, MachineCode, ObjectCode, c_address, c_function
 from integrators.compile import c_functions
 from integrators.core.immutable import cached_method
 from integrators.runs.observers import observer_codes
@@ -37,7 +37,7 @@ def made():
     """A function that compiles x ↦ 2 sin x, and a list that grows with each of its calls."""
     from numba import types
 
-    from foundation.lowering.objects import object_code
+    from bseries_base.lowering.objects import object_code
 
     calls = []
 

@@ -33,7 +33,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from foundation.interrupts import outside_llvmlite
+from bseries_base.interrupts import outside_llvmlite
 
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}

@@ -8,7 +8,7 @@ import pickle
 import pytest
 
 import bseries as bs
-from foundation.errors import MOST, plain
+from bseries_base.errors import MOST, plain
 
 HOSTILE = "a\x1b[31m\x00\ud800\u2028\n\t b"
 

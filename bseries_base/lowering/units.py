@@ -16,8 +16,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from foundation.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
-from foundation.lowering.vectors import VectorLoop
+from bseries_base.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
+from bseries_base.lowering.vectors import VectorLoop
 
 MOST_COPIED = 20_000
 """Most instructions in all inlined copies of a function, before LLVM unrolls its loops."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
-from foundation.extras import optional_module
-from foundation.formulas import formula_text
+from bseries_base.extras import optional_module
+from bseries_base.formulas import formula_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame

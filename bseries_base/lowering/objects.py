@@ -18,9 +18,9 @@ from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 
-from foundation.interrupts import outside_llvmlite
-from foundation.lowering.units import Unit
-from foundation.machine_code import FUNCTION, ObjectCode, c_address
+from bseries_base.interrupts import outside_llvmlite
+from bseries_base.lowering.units import Unit
+from bseries_base.machine_code import FUNCTION, ObjectCode, c_address
 
 
 class _Codegen(JITCPUCodegen):

@@ -10,7 +10,7 @@ from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
-from foundation.interrupts import uninterrupted
+from bseries_base.interrupts import uninterrupted
 
 
 @contextmanager

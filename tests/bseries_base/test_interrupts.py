@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from foundation.interrupts import in_llvmlite, interrupt_soon, mapped, outside_llvmlite, uninterrupted
+from bseries_base.interrupts import in_llvmlite, interrupt_soon, mapped, outside_llvmlite, uninterrupted
 from integrators.runs.ensembles import results_in_order
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -17,8 +17,8 @@ import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from foundation import machine_code
-from foundation.machine_code import CHECKSUM, cache_directory, cfunc, njit
+from bseries_base import machine_code
+from bseries_base.machine_code import CHECKSUM, cache_directory, cfunc, njit
 
 ROOT = Path(__file__).parents[2]
 KERNELS = """
@@ -287,7 +287,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 sys.path.insert(0, sys.argv[1])
 import kernels
-from foundation import machine_code
+from bseries_base import machine_code
 print(machine_code.njit()(kernels.cube)(3.0))
 """
     command = [sys.executable, "-c", program, str(Path(kernels.__file__).parent)]
@@ -351,7 +351,7 @@ bs.modified_equation(bs.method("rk4"), 7)
 @pytest.mark.slow
 def test_the_library_runs_where_nothing_is_writable(tmp_path):
     """Installed where `__pycache__` cannot be made, with neither a home nor a cache."""
-    for name in ("foundation", "trees", "integrators", "bseries"):
+    for name in ("bseries_base", "trees", "integrators", "bseries"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
         for folder in [tmp_path / name, *(path for path in (tmp_path / name).rglob("*") if path.is_dir())]:
             (folder / "__pycache__").write_text("")

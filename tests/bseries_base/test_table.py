@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 import bseries as bs
-from foundation.table import FORMATS, Column, Format, LazyRows, Table, aligned, csv_lines, latex_text
+from bseries_base.table import FORMATS, Column, Format, LazyRows, Table, aligned, csv_lines, latex_text
 
 COLUMNS = (Column("n", True), Column("coefficient"), Column("formula"))
 ROWS = [

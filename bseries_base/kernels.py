@@ -12,7 +12,7 @@ from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any
 
-from foundation.machine_code import has_numba
+from bseries_base.machine_code import has_numba
 
 
 class Kernel:
@@ -20,7 +20,7 @@ class Kernel:
 
     Kernels call other kernels by name, each implementation those of its kind. Callees must be in the same file, since
     the cache on disk detects edits of that file only; modules whose constants enter the machine code, or their files,
-    are named as `sources` (see `foundation.machine_code`).
+    are named as `sources` (see `bseries_base.machine_code`).
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Kernel:
         """The kernel compiled by numba, with cached machine code; it releases the GIL. Without numba, `py_func`."""
         if not has_numba():
             return self.py_func
-        from foundation.machine_code import njit
+        from bseries_base.machine_code import njit
 
         return njit(sources=self._sources, nogil=True, **self._options)(self._bind(lambda kernel: kernel.compiled))
 
@@ -56,7 +56,7 @@ class Kernel:
         Numba compiles linked callees again with each caller, C functions only once.
         """
         if signature not in self._c_functions:
-            from foundation.machine_code import cfunc
+            from bseries_base.machine_code import cfunc
 
             function = self._bind(lambda kernel: kernel.compiled)
             # Keeps the code alive to which the ctypes object points.
