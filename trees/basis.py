@@ -172,6 +172,18 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
         """The symmetry coefficient of every element: its term is coefficient/σ times its differential."""
         return [1] * len(self)
 
+    @cached_property
+    def exact_flow(self) -> list[int]:
+        """n! times the coefficient of every element with n nodes in the exact flow of the sum of all letters.
+
+        It is the number of ways to cut off one letter after another.
+        """
+        ways: list[int] = []
+        for at, n in enumerate(self.orders):
+            leaves = (m * ways[trunk] for trunk, branch, m in self.rows(at) if branch < self.colors)
+            ways.append(sum(leaves) if n > 1 else 1)
+        return ways
+
     def column(self, content: int | list[int], dtype: str | None = None) -> Any:
         """A column of zeros, or of given numbers, as a list, or as an array for compiled kernels."""
         if not self.compiled:

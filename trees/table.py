@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
 from itertools import accumulate
+from math import factorial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -322,6 +323,13 @@ class TreeTable(Basis[Tree]):
         """Symmetry coefficient σ of every tree, as a list."""
         column = self.symmetry_and_density[0]
         return column if isinstance(column, list) else column.tolist()
+
+    @property
+    def exact_flow(self) -> list[int]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """n!/γ for every tree with n nodes, as a list."""
+        column, labellings = self.symmetry_and_density[1], [factorial(n) for n in range(self.max_order + 1)]
+        density = column if isinstance(column, list) else column.tolist()
+        return [labellings[n] // gamma for n, gamma in zip(self.orders, density, strict=True)]
 
     @property
     def symmetry(self) -> np.ndarray:

@@ -47,6 +47,11 @@ class Words(Basis[Word]):
         counting.refuse_table_beyond_memory(8 * cuts, f"the {sum(self.sizes)} words with up to {order} letters")
         self._complete = True
 
+    @cached_property
+    def exact_flow(self) -> list[int]:
+        """1 for every word: letters are cut off from its end on."""
+        return [1] * len(self)
+
     def rows(self, at: int) -> list[tuple[int, int, int]]:
         """The cuts of a word, from its end on."""
         n, first = self.order_of(at), [0, *self.offsets]
@@ -68,6 +73,20 @@ class Words(Basis[Word]):
             branch += [np.array([x + self.offsets[k - 1] for k, (_, x) in enumerate(pieces, 1)], int).T.ravel()]
         start = np.concatenate([[0], np.cumsum(self.order.astype(int) - 1)])
         yield Cuts(0, len(self), start, *(np.concatenate(x).astype(np.uint32) for x in (trunk, branch)))
+
+    def prefixes(self, color: int | None) -> Iterator[tuple[int, int, slice, slice]]:
+        """The words of n letters that begin with k times a letter, or any k: n, k, and the ids of words and rests.
+
+        The ids are those of a list whose first entry is the empty word. Longer words come first.
+        """
+        start = [0, *(1 + offset for offset in self.offsets)]
+        for n in range(self.max_order, 0, -1):
+            for k in range(1, n + 1):
+                size, equal = self.colors ** (n - k), sum(self.colors**i for i in range(k))
+                rest = slice(start[n - k], start[n - k] + size)
+                for prefix in range(self.colors**k) if color is None else [color * equal]:
+                    first = start[n] + prefix * size
+                    yield n, k, slice(first, first + size), rest
 
     def element(self, at: int) -> Word:
         """The word with an id."""

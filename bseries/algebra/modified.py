@@ -141,13 +141,11 @@ def exact_flow(order: int, *, colors: int = 1, max_children: Any = None, names: 
 
 
 @lru_cache(maxsize=4)
-def exact_values(table: TreeTable) -> RationalValues:
-    """1/γ for every tree of a table."""
-    denominators = [math.factorial(n) for n in range(table.max_order + 1)]
-    density, nodes = table.density.tolist(), table.order.tolist()
-    numerators = [denominators[n] // gamma for n, gamma in zip(nodes, density, strict=True)]
-    compact = table.column(numerators) if table.max_order <= 20 else numerators  # int64 for compiled kernels
-    return RationalValues(table, compact, denominators, primorial(table.max_order))
+def exact_values(basis: Basis[Any]) -> RationalValues:
+    """The exact flow: 1/γ for trees, 1/n! for words of n letters."""
+    denominators = [math.factorial(n) for n in range(basis.max_order + 1)]
+    compact = basis.column(basis.exact_flow) if basis.max_order <= 20 else basis.exact_flow  # int64 for kernels
+    return RationalValues(basis, compact, denominators, primorial(basis.max_order))
 
 
 def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) -> Any:

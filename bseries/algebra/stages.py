@@ -37,8 +37,10 @@ from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
+from trees.basis import Basis
 from trees.counting import check_order
 from trees.table import TreeTable
+from trees.words import Words
 
 MOST_STAGES = 1000
 """Stages of a method, those of flows counted as often as an order needs."""
@@ -465,40 +467,36 @@ class FlowChain:
         """L such that values at trees with n nodes times L^n are integers; 1 in a field of fractions."""
         return self.ring.one if self.kind == "ring" else self.denominator * primorial(self.order)
 
-    def words(self, colors: int, arithmetic: Exact) -> list[list[Any]]:
-        """n! L^n α(w) for the words w of n = 0, 1, … letters, with L the `denominator`; L^n in the exact flow.
-
-        α(w) is the coefficient of the word w of letters (parts) c in the product of the exponentials exp(t c) of the
-        flows. Words are sorted, and the first flow gives the letters in front. a(τ) is the sum of α over the orders of
-        the nodes of τ in which children precede their parents, and a tall tree has only one such order. So all order
-        conditions up to n nodes hold if and only if α(w) = 1/|w|! for all words up to n letters. There are far fewer
-        words than trees.
-
-        References:
-            A. Murua, Found. Comput. Math. 6 (2006), 387–426, doi:10.1007/s10208-003-0111-0; HLW, section III.5.
-        """
-        found = [arithmetic.vector([int(n == 0)] * colors**n) for n in range(self.order + 1)]
-        equal = [sum(colors**i for i in range(k)) for k in range(self.order + 1)]  # words c … c begin at c times this
-        for part, time in zip(self.parts, self.times, strict=True):
-            powers = [arithmetic.number(1)]
-            for _ in range(self.order):
-                powers.append(powers[-1] * arithmetic.number(time * self.denominator))
-            for n in range(self.order, 0, -1):
-                for k in range(1, n + 1):
-                    factor, count = math.comb(n, k) * powers[k], colors**k
-                    for end in range(count) if part is None else [part * equal[k]]:
-                        longer = zip(found[n][end::count], found[n - k], strict=True)
-                        found[n][end::count] = [x + factor * y for x, y in longer]
-        return found
-
-    def series(self, table: TreeTable) -> Values:
+    def series(self, table: Basis[Any]) -> Values:
         """The coefficients of the method."""
+        if isinstance(table, Words):
+            return self._on_words(table)
         size = sum(map(abs, self.times)) if self.kind == "rational" else 0
         bound = geometric(table.max_order, size, size)  # the exact flow over all times is larger tree by tree
         operation = Operation(
             lambda arithmetic, weights: weights(field=False), lambda known: bound, units=2, passes=len(self.times)
         )  # even units: modulo 2^64 the values of a flow cannot be halved
         return domains.apply(table, [self], operation)
+
+    def _on_words(self, words: Words) -> Values:
+        """The product of the exponentials of the flows, in which the letters of the last flow come first."""
+        arithmetic = domains.interpreted(self)
+        found = arithmetic.vector([1] + [0] * len(words))  # n! L^n times the values, that of the empty word first
+        for part, time in zip(self.parts, self.times, strict=True):
+            powers = arithmetic.vector([(time * self.denominator) ** k for k in range(words.max_order + 1)])
+            for n, k, longer, rest in words.prefixes(part):
+                factor = math.comb(n, k) * powers[k]
+                found[longer] = [x + factor * y for x, y in zip(found[longer], found[rest], strict=True)]
+        denominators = [math.factorial(n) * self.denominator**n for n in range(words.max_order + 1)]
+        if self.kind == "rational":
+            return RationalValues(words, [int(x.p) for x in found[1:]], denominators, self.step)
+        elements = [
+            arithmetic.element(x * arithmetic.number(Fraction(1, denominators[n])))
+            for x, n in zip(found[1:], words.orders, strict=True)
+        ]
+        if self.kind == "float":
+            return domains.float_values(words, elements)
+        return domains.narrowed(RingValues(words, self.ring, elements, self.ring.one))
 
     def logarithm(self, table: TreeTable) -> Values:
         """The logarithm of the series."""

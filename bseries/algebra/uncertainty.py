@@ -34,6 +34,7 @@ from integrators.exact.entries import half_unit
 from integrators.methods.programs.program import Method, mapped_program
 from trees.basis import Basis
 from trees.table import TreeTable
+from trees.words import Words
 
 if TYPE_CHECKING:
     import numpy as np
@@ -443,6 +444,8 @@ def _chain(flows: FlowChain, times: list[float], errors: list[float], table: Bas
     """
     import numpy as np
 
+    if isinstance(table, Words):
+        return _chain_on_words(flows, times, errors, table)
     leaves = _leaf_cuts(table)
 
     def removed(values: Array, part: int | None) -> Array:
@@ -467,6 +470,20 @@ def _chain(flows: FlowChain, times: list[float], errors: list[float], table: Bas
     return values[:-1]
 
 
+def _chain_on_words(flows: FlowChain, times: list[float], errors: list[float], words: Words) -> Array:
+    """The same as `_chain`, by products of exponentials of letters."""
+    import numpy as np
+
+    found = np.zeros((1 + len(words), 1 + len(errors)))
+    found[0, 0] = 1
+    for e, (part, time) in enumerate(zip(flows.parts, times, strict=True)):
+        for _, k, longer, rest in words.prefixes(part):
+            found[longer] += time**k / math.factorial(k) * found[rest]
+            if errors:
+                found[longer, 1 + e] += time ** (k - 1) / math.factorial(k - 1) * errors[e] * found[rest, 0]
+    return found[1:]
+
+
 def _leaf_cuts(table: Basis[Any]) -> list[tuple[Array, Array, Array]]:
     """For each colour the trees with leaves of this colour, and what remains without one: start of each tree, rest."""
     import numpy as np
@@ -483,31 +500,3 @@ def _leaf_cuts(table: Basis[Any]) -> list[tuple[Array, Array, Array]]:
         unique, start = np.unique(tree, return_index=True)
         found.append((unique, start, rest.astype(np.int64)))
     return found
-
-
-def word_uncertainties(flows: FlowChain, colors: int, digits: int) -> list[float]:
-    """The uncertainties of n! α(w) for the words of a chain of flows (see `FlowChain.words`)."""
-    import numpy as np
-
-    times, errors = _times(flows, digits)
-    equal = [sum(colors**i for i in range(k)) for k in range(flows.order + 1)]
-
-    def words(times: Sequence[float], errors: Sequence[float]) -> list[Array]:
-        found = [np.zeros((colors**n, 1 + len(errors))) for n in range(flows.order + 1)]
-        found[0][0, 0] = 1
-        for e, (part, time) in enumerate(zip(flows.parts, times, strict=True)):
-            for n in range(flows.order, 0, -1):
-                for k in range(1, n + 1):
-                    factor, count = math.comb(n, k) * time**k, colors**k
-                    for end in range(count) if part is None else [part * equal[k]]:
-                        found[n][end::count] += factor * found[n - k]
-                        if errors:
-                            found[n][end::count, 1 + e] += (
-                                math.comb(n, k) * k * time ** (k - 1) * errors[e] * found[n - k][:, 0]
-                            )
-        return found
-
-    nodes = [n for n in range(flows.order + 1) for _ in range(colors**n)]
-    changes, sizes = np.concatenate(words(times, errors))[:, 1:], np.concatenate(words([*map(abs, times)], []))[:, 0]
-    bounds = _known(nodes, _relative(times, errors), changes, sizes)
-    return worst_case(bounds.changes, bounds.rest)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import chain
@@ -18,11 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, series, series_to
 from bseries.algebra.series import Series, check_flow
-from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, flow_chain, inputs_of
-from bseries.algebra.uncertainty import word_uncertainties
+from bseries.algebra.stages import auxiliary_colors, check_method, flow_chain, inputs_of
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
-from bseries.exact.domains import alike, exact_number, interpreted, ring_element, to_float
+from bseries.exact.domains import alike, exact_number, ring_element, to_float
 from bseries.exact.rationals import RationalValues
 from bseries.exceptions import SeriesError
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, fact_table
@@ -31,9 +29,11 @@ from integrators.exact.entries import nearest_decimal
 from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, RepeatedProgram, as_decimals
+from trees.basis import Basis
 from trees.counting import check_order, count_trees
 from trees.table import TreeTable
 from trees.tree import Tree
+from trees.words import Words
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
@@ -177,17 +177,17 @@ def accuracy_of(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> Verdict:
     return verdict(s.table, first_failure(s, auxiliary))
 
 
-def first_failure(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> int | None:
-    """Id of the first tree whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
+def first_failure(s: Series, auxiliary: frozenset[int] = frozenset()) -> int | None:
+    """Id of the first element whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
     _check_exact(s)
-    mine, others = alike([s.stored, exact_values_of(s.table, auxiliary)])
+    mine, others = alike([s.stored, exact_values_of(s.basis, auxiliary)])
     for at in range(len(s)):
         if not mine.equals_at(others, at) and not s.may_be(at, others[at]):
             return at
     return None
 
 
-def _check_exact(s: BSeries) -> None:
+def _check_exact(s: Series) -> None:
     """Refuse a series whose errors are not known."""
     if not s.is_exact:
         raise SeriesError("method must be a method or an exact series, but was a series in floats")
@@ -195,13 +195,13 @@ def _check_exact(s: BSeries) -> None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
-def exact_values_of(table: TreeTable, auxiliary: frozenset[int]) -> RationalValues:
-    """1/γ, and 0 for trees with a node of an auxiliary colour."""
-    exact = exact_values(table)
+def exact_values_of(basis: Basis[Any], auxiliary: frozenset[int]) -> RationalValues:
+    """The exact flow, and 0 for trees with a node of an auxiliary colour."""
+    exact = exact_values(basis)
     if not auxiliary:
         return exact
-    values = zip(table, exact.coefficients(), strict=True)
-    return RationalValues.from_fractions(table, [0 if auxiliary & set(t.colors) else x for t, x in values])
+    values = zip(basis, exact.coefficients(), strict=True)
+    return RationalValues.from_fractions(basis, [0 if auxiliary & set(basis.letters(t)) else x for t, x in values])
 
 
 def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
@@ -216,34 +216,27 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
             return (proved, proved + 1) if max_order is None else (min(proved, max_order), max_order)
     if isinstance(method, RepeatedProgram):  # equal steps have the order of one
         method = method.step
-    colors, flows = len(method.names), None
+    colors, auxiliary = len(method.names), auxiliary_colors(method)
+    # A product of flows is the exact flow to order p if and only if its coefficients of all words up to p letters are
+    # 1/n!: that of a tree is the sum over its monotonic orders (Murua 2006, doi:10.1007/s10208-003-0111-0). There are
+    # far fewer words than trees.
     is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
-    if not is_tableau and method.max_children is None and not auxiliary_colors(method):
-        flows = flow_chain(method.program)  # of a splitting method for all fields
+    by_words = not (is_tableau or auxiliary or method.max_children is not None)
+    by_words = by_words and flow_chain(method.program) is not None
     if max_order is not None:
         limit = max_order
     else:
-        limit = affordable_order(colors) if flows is None else max(n for n in range(13) if colors**n <= MOST_TREES)
+        limit = max(n for n in range(13) if colors**n <= MOST_TREES) if by_words else affordable_order(colors)
     for tested_to in chain(range(4, limit, 2), [limit]):
-        if flows is not None and colors**tested_to <= MOST_TREES:
-            order = _order_by_words(replace(flows, order=tested_to), colors, method.digits)
+        if by_words and colors**tested_to <= MOST_TREES:
+            s = series(method, Words(tested_to, colors))
         else:
-            order = accuracy_of(series(method, tested_to), auxiliary_colors(method)).order
+            s = series(method, tested_to)
+        failure = first_failure(s, auxiliary)
+        order = tested_to if failure is None else s.basis.order_of(failure) - 1
         if order < tested_to:
             return order, tested_to
     return limit, limit
-
-
-def _order_by_words(flows: FlowChain, colors: int, digits: int | None) -> int:
-    """The order of a splitting method, as far as its words show it (see `FlowChain.words`)."""
-    arithmetic, step = interpreted(flows), flows.denominator
-    bounds = iter([]) if digits is None else iter(word_uncertainties(flows, colors, digits))
-    for n, row in enumerate(flows.words(colors, arithmetic)):
-        for x in row:
-            residual, bound = arithmetic.element(x - step**n), next(bounds, 0)
-            if residual and (not bound or abs(residual) > to_flint(Fraction(bound)) * step**n):
-                return n - 1
-    return flows.order
 
 
 def affordable_order(colors: int, trees: int = MOST_TREES) -> int:

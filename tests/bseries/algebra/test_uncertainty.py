@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import bseries as bs
-from bseries.algebra.stages import flow_chain
-from bseries.algebra.uncertainty import conjugated, word_uncertainties
+from bseries.algebra.uncertainty import conjugated
 from integrators import PartitionedRungeKutta, RungeKutta, Splitting
 from integrators.exact.entries import half_unit
 from integrators.methods.kinds.extended_runge_kutta import Rosenbrock
 from integrators.methods.kinds.second_order import RungeKuttaNystrom
+from trees.words import Words
 
 DIGITS = 40
 TSIT5 = bs.method("tsit5")
@@ -85,17 +85,11 @@ def test_uncertainties_are_the_worst_case(kind, operation):
 
 def test_uncertainties_of_words_are_the_worst_case():
     def words(method):
-        flows = flow_chain(method.program)
-        chain = type(flows)(flows.parts, flows.times, "rational", order=4)
-        return [x / flows.denominator**n for n, row in enumerate(chain.words(3, EXACT)) for x in row]
-
-    class EXACT:
-        vector, number = list, Fraction
+        return bs.series(method, Words(4, 3)).coefficients()
 
     entries = ENTRIES[:7]
     errors = [half_unit(x, DIGITS) for x in entries]
-    flows = flow_chain(splitting(entries, DIGITS).program)
-    found = word_uncertainties(type(flows)(flows.parts, flows.times, "rational", order=4), 3, DIGITS)
+    found = list(map(bs.series(splitting(entries, DIGITS), Words(4, 3)).uncertainty, range(3 + 9 + 27 + 81)))
     assert found == pytest.approx(worst_case(words, splitting, entries, errors), rel=1e-6, abs=0)
 
 
