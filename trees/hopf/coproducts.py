@@ -7,7 +7,7 @@ identity under convolution; they give the series of inverse maps.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, partial, reduce
 from math import factorial, prod
 from typing import Any
@@ -213,15 +213,31 @@ def _substitution_inverse(tree: Tree) -> FormalSum:
         raise TreeError(f"x must have trees of at most {MOST_NODES} nodes, but has one of {tree.order}")
     if tree.order == 1:
         return FormalSum(_NONE)
-    contractions: dict[Tree, dict[Any, Any]] = {}  # the parts of each skeleton, without single nodes
-    for (parts, skeleton), count in substitution_coproduct(tree).terms.items():
-        if skeleton.order < tree.order:
-            larger = Forest.from_sorted(tuple([part for part in parts if part.order > 1]))
-            add_terms(contractions.setdefault(skeleton.trees[0], {}), {(larger,): count})
+    coproduct = (
+        ((Forest.from_sorted(tuple([part for part in parts if part.order > 1])), skeleton), count)
+        for (parts, skeleton), count in _partitions(tree).terms.items()
+    )
+    return FormalSum.from_terms(convolution_inverse(tree, coproduct, lambda x: _substitution_inverse(x.trees[0]).terms))
+
+
+def convolution_inverse(
+    x: Any,
+    coproduct: Iterable[tuple[Any, Any]],
+    inverse: Callable[[Any], Terms],
+    multiply: Callable[[Terms, Terms], Terms] = multiply_terms,
+) -> dict[Any, Any]:
+    """S(x) = −Σ left · S(right) over the terms of the coproduct of x whose right factor is smaller than x.
+
+    This is the recursion for the antipode of any graded connected bialgebra, from the values of S at smaller elements.
+    """
+    lefts: dict[Any, dict[Any, Any]] = {}
+    for (left, right), count in coproduct:
+        if right.order < x.order:
+            add_terms(lefts.setdefault(right, {}), {(left,): count})
     total: dict[Any, Any] = {}
-    for skeleton, parts in contractions.items():
-        add_terms(total, multiply_terms(parts, _substitution_inverse(skeleton).terms), -1)
-    return FormalSum.from_terms(total)
+    for right, terms in lefts.items():
+        add_terms(total, multiply(terms, inverse(right)), -1)
+    return total
 
 
 def grossman_larson_antipode(x: Summand) -> FormalSum:

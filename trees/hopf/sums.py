@@ -12,8 +12,8 @@ from itertools import chain
 from math import prod
 from numbers import Rational
 from operator import itemgetter, mul
-from types import MappingProxyType
-from typing import Any, TypeAlias
+from types import MappingProxyType, NoneType
+from typing import Any, ClassVar, Self, TypeAlias, TypeVar
 
 from bseries_base.numbers import latex_number
 from bseries_base.table import MOST_ROWS, short_latex
@@ -89,6 +89,8 @@ Factors = tuple[Forest, ...]
 Element = Tree | Forest | str | tuple[Tree | Forest | str, ...]
 Summand: TypeAlias = "FormalSum | Tree | Forest | str"
 
+Sum = TypeVar("Sum", bound="FormalSum")
+
 MOST_CHARACTERS = 300
 """The most characters of the `repr` of a sum."""
 
@@ -123,26 +125,29 @@ class FormalSum:
     __slots__ = ("_terms",)
     __array_ufunc__ = None  # so that NumPy integers do not treat a sum as a sequence
 
+    forest: ClassVar[Any] = Forest  # the kind of forests, and of their trees: those of a subclass may be others
+    tree: ClassVar[Any] = Tree
+
     _terms: dict[Factors, Any]
 
-    def __new__(cls, terms: Mapping[Any, object] | FormalSum | Element | None = None) -> FormalSum:
+    def __new__(cls, terms: Mapping[Any, object] | FormalSum | Element | None = None) -> Self:
         """Check the terms and add those of equal elements."""
-        if isinstance(terms, FormalSum):
+        if type(terms) is cls:
             return terms
-        if isinstance(terms, Tree | Forest | str | tuple):
-            return FormalSum.from_terms({_factors(terms): 1})
-        if terms is not None and not hasattr(terms, "items"):
+        if isinstance(terms, (cls.tree, cls.forest, str, tuple)):
+            return cls.from_terms({cls._factors(terms): 1})
+        if not isinstance(terms, Mapping | NoneType):
             raise TreeError(f"terms must be a mapping from forests to coefficients, but was {terms!r:.60}")
         added: dict[Factors, Any] = {}
-        for element, coefficient in terms.items() if terms else ():
-            add_terms(added, {_factors(element): exact_coefficient(coefficient)})
+        for element, coefficient in (terms or {}).items():
+            add_terms(added, {cls._factors(element): exact_coefficient(coefficient)})
         _check_alike("terms", added)
-        return FormalSum.from_terms(added)
+        return cls.from_terms(added)
 
-    @staticmethod
-    def from_terms(terms: Mapping[Factors, Any]) -> FormalSum:
+    @classmethod
+    def from_terms(cls, terms: Mapping[Factors, Any]) -> Self:
         """The sum of terms whose keys are tuples of equally many forests, without zero coefficients."""
-        total = object.__new__(FormalSum)
+        total = object.__new__(cls)
         exact = ((factors, exact_coefficient(coefficient)) for factors, coefficient in terms.items())
         total._terms = {factors: coefficient for factors, coefficient in exact if coefficient != 0}
         return total
@@ -178,46 +183,67 @@ class FormalSum:
         return len(self._terms)
 
     def __contains__(self, element: Element) -> bool:
-        return _factors(element) in self._terms
+        return self._factors(element) in self._terms
 
     def __getitem__(self, element: Element) -> Any:
-        return self._terms.get(_factors(element), 0)
+        return self._terms.get(self._factors(element), 0)
 
-    def __add__(self, other: FormalSum | Tree | Forest) -> FormalSum:
+    def __add__(self, other: FormalSum | Tree | Forest) -> Self:
         if type(other) is int and other == 0:  # the start of sum()
             return self
-        if not isinstance(other, FormalSum | Tree | Forest):
+        if not self.takes(other):
             return NotImplemented
-        added = FormalSum(other)
+        added = type(self)(other)
         self._check_factors(added)
-        return FormalSum.from_terms(add_terms(dict(self._terms), added._terms))
+        return self.from_terms(add_terms(dict(self._terms), added._terms))
 
     __radd__ = __add__
 
-    def __neg__(self) -> FormalSum:
+    def __neg__(self) -> Self:
         return self * -1
 
-    def __sub__(self, other: FormalSum | Tree | Forest) -> FormalSum:
-        return self + -FormalSum(other) if isinstance(other, FormalSum | Tree | Forest) else NotImplemented
+    def __sub__(self, other: FormalSum | Tree | Forest) -> Self:
+        if not self.takes(other):
+            return NotImplemented
+        return self + -type(self)(other)
 
-    def __rsub__(self, other: Tree | Forest) -> FormalSum:
+    def __rsub__(self, other: Tree | Forest) -> Self:
         return -self + other
 
-    def __mul__(self, other: Any) -> FormalSum:
-        if isinstance(other, FormalSum | Tree | Forest):
-            factor = FormalSum(other)
+    def __mul__(self, other: Any) -> Self:
+        if self.takes(other):
+            factor = type(self)(other)
             self._check_factors(factor)
-            return FormalSum.from_terms(multiply_terms(self._terms, factor._terms))
+            return self.from_terms(multiply_terms(self._terms, factor._terms))
         scale = exact_coefficient(other)
-        return FormalSum.from_terms({factors: coefficient * scale for factors, coefficient in self._terms.items()})
+        return self.from_terms({factors: coefficient * scale for factors, coefficient in self._terms.items()})
 
     __rmul__ = __mul__
 
-    def __truediv__(self, divisor: Any) -> FormalSum:
+    def __truediv__(self, divisor: Any) -> Self:
         scale = exact_coefficient(divisor)
         if scale == 0:
             raise TreeError("divisor must not be zero, but was 0")
         return self * (Fraction(1) / scale)
+
+    @classmethod
+    def takes(cls, x: object) -> bool:
+        """Whether an operand is a tree, a forest or a sum of the same kind."""
+        return type(x) is cls or isinstance(x, (cls.tree, cls.forest))
+
+    @classmethod
+    def _factors(cls, element: Any) -> Factors:
+        """A basis element as the tuple of its tensor factors."""
+        if not isinstance(element, tuple):
+            parts = (element,)
+        elif len(element) > 1:
+            parts = element
+        else:
+            raise TreeError(f"element must have two or more tensor factors to be a tuple, but was {element!r:.60}")
+        for part in parts:
+            if not isinstance(part, (cls.tree, cls.forest, str)):
+                raise TreeError(f"element must be a tree, a forest, or a tuple of these, but was {element!r:.60}")
+        return tuple([cls.forest(part) for part in parts])
 
     def _check_factors(self, other: FormalSum) -> None:
         if self and other and self.factors != other.factors:
@@ -225,7 +251,7 @@ class FormalSum:
                 f"other must have terms of {self.factors} tensor factors, as the first sum has, but has {other.factors}"
             )
 
-    def tensor(self, other: Summand) -> FormalSum:
+    def tensor(self, other: Summand) -> Self:
         """The tensor product with another sum.
 
         Args:
@@ -239,11 +265,11 @@ class FormalSum:
             >>> bs.hopf.FormalSum("τ").tensor("[τ]").tensor("∅")
             τ⊗[τ]⊗∅
         """
-        right = as_sum(other, "other", tensors=True)._terms
+        right = as_sum(other, "other", type(self), tensors=True)._terms
         check_work(len(self._terms) * len(right))
-        return FormalSum.from_terms({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
+        return self.from_terms({f + g: a * b for f, a in self._terms.items() for g, b in right.items()})
 
-    def map(self, rule: Callable[[Any], Any]) -> FormalSum:
+    def map(self, rule: Callable[[Any], Any]) -> Self:
         """The linear extension of a map of basis elements.
 
         Args:
@@ -260,10 +286,10 @@ class FormalSum:
         """
         total: dict[Factors, Any] = {}
         for factors, coefficient in self._terms.items():
-            image = as_sum(rule(_element(factors)), "rule(element)", tensors=True)
+            image = as_sum(rule(_element(factors)), "rule(element)", type(self), tensors=True)
             add_terms(total, image._terms, coefficient)
         _check_alike("rule(element)", total)
-        return FormalSum.from_terms(total)
+        return self.from_terms(total)
 
     def evaluate(self, *rules: Callable[[Tree], Any]) -> Any:
         """The value Σ coefficient · Π rule(tree) of a linear multiplicative functional.
@@ -328,41 +354,27 @@ class FormalSum:
 
     def __repr__(self) -> str:
         text = self.text() if len(self) <= MOST_ROWS else ""
-        return text if 0 < len(text) <= MOST_CHARACTERS else f"<FormalSum of {len(self):,} terms>"
+        return text if 0 < len(text) <= MOST_CHARACTERS else f"<{type(self).__name__} of {len(self):,} terms>"
 
     def __hash__(self) -> int:
         return hash(frozenset(self._terms))  # without coefficients: equal SymPy expressions can have different forms
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, FormalSum):
+        if not isinstance(other, FormalSum) or type(other) is not type(self):
             return NotImplemented
         return self._terms.keys() == other._terms.keys() and (self._terms == other._terms or not self - other)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return FormalSum, (dict(self.items()),)
+        return type(self), (dict(self.items()),)
 
 
-def as_sum(x: Any, name: str, *, tensors: bool = False) -> FormalSum:
-    """An argument as a formal sum of forests, or of tensor products if allowed."""
-    if isinstance(x, FormalSum | Tree | Forest | str) or (tensors and isinstance(x, tuple)):
-        total = FormalSum(x)
+def as_sum(x: Any, name: str, kind: type[Sum] = FormalSum, *, tensors: bool = False) -> Sum:
+    """An argument as a formal sum of forests of a kind, or of tensor products if allowed."""
+    if kind.takes(x) or isinstance(x, str) or (tensors and isinstance(x, tuple)):
+        total = kind(x)
         if tensors or total.factors <= 1:
             return total
     raise TreeError(f"{name} must be a tree, a forest or a sum of forests, but was {x!r:.60}")
-
-
-def _factors(element: Any) -> Factors:
-    """A basis element as the tuple of its tensor factors."""
-    if not isinstance(element, tuple):
-        parts = (element,)
-    elif len(element) > 1:
-        parts = element
-    else:
-        raise TreeError(f"element must have two or more tensor factors to be a tuple, but was {element!r:.60}")
-    for part in parts:
-        if not isinstance(part, Tree | Forest | str):
-            raise TreeError(f"element must be a tree, a forest, or a tuple of these, but was {element!r:.60}")
-    return tuple([Forest(part) for part in parts])
 
 
 def _element(factors: Factors) -> Any:
