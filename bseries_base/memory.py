@@ -18,15 +18,14 @@ def refuse_beyond_memory(needed: int, refusal: type[Exception], what: str) -> No
         >>> refuse_beyond_memory(10**21, ValueError, "order must be smaller: a table")
         Traceback (most recent call last):
             ...
-        ValueError: order must be smaller: a table would take 1000000000000.0 GB of memory, but ... GB are available
+        ValueError: order must be smaller: a table would take 1.0e+12 GB of memory, but ... GB are available
     """
     if needed < SMALL:
         return
     available = available_memory()
     if needed > available:
-        raise refusal(
-            f"{what} would take {needed / 1e9:.1f} GB of memory, but {max(available, 0) / 1e9:.1f} GB are available"
-        )
+        gigabytes = f"{needed / 1e9:.1f}" if needed < 10**15 else f"{needed / 1e9:.1e}"
+        raise refusal(f"{what} would take {gigabytes} GB of memory, but {max(available, 0) / 1e9:.1f} GB are available")
 
 
 BROWSER = 2**30

@@ -44,7 +44,7 @@ class Words(Basis[Word]):
         self.max_order, self.colors = counting.check_size(order, colors)
         self.sizes = [self.colors**n for n in range(1, self.max_order + 1)]
         cuts = sum(n * size for n, size in enumerate(self.sizes))
-        counting.refuse_table_beyond_memory(8 * cuts, f"the {sum(self.sizes)} words with up to {order} letters")
+        counting.refuse_table_beyond_memory(8 * cuts, f"the words with up to {order} letters")
         self._complete = True
 
     @cached_property

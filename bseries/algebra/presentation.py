@@ -98,13 +98,19 @@ MEANINGS = {
 }
 
 
+def meaning(kind: str, what: str) -> str:
+    """What the terms of a series on trees, or other elements, stand for."""
+    return MEANINGS[kind] if what == "trees" else MEANINGS[kind].replace("τ", what[0])
+
+
 def title(kind: str, label: str, order: int, what: str, unit: str) -> str:
     """The title of a table of the terms of a series on trees, or other elements."""
     nodes = f"1 to {order} {unit}s" if order > 1 else f"1 {unit}"
     least, most = (1, order) if kind == "series" else (0, order - 1)
     powers = f"h^{least} to h^{most}" if most > least else f"h^{least}"
     of = f" of {label}" if label else ""
-    return f"{KINDS[kind]}{of}: {what} with {nodes}, powers {powers}"
+    name = KINDS[kind] if what == "trees" else KINDS[kind].replace("B-series", "Series")
+    return f"{name}{of}: {what} with {nodes}, powers {powers}"
 
 
 def number_notes(domain: str, digits: int | None, what: str, *, nonzero: bool, as_float: bool) -> Iterator[str]:

@@ -73,7 +73,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         uncertainty: Uncertainty | None = None,
     ):
         empty = exact_number(empty)
-        names = check_names(names) if names and basis.colors > 1 else basis.names
+        names = check_names(names) if names and any(basis.names) else basis.names
         if len(names) != basis.colors:
             raise SeriesError(f"names must be {basis.colors} names, one for each colour, but were {len(names)}")
         kind = kind or ("field" if empty == 0 else "series")
@@ -133,8 +133,8 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
 
     @property
     def shown_names(self) -> tuple[str, ...] | None:
-        """The names of the colours in texts; None where there is only one colour."""
-        return self.names if self.basis.colors > 1 else None
+        """The names of the colours in texts; None where they have none: trees of one colour."""
+        return self.names if any(self.names) else None
 
     def __contains__(self, tree: object) -> bool:
         try:
@@ -533,7 +533,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             presentation.title(self.kind, self.label, self.order, self.basis.what, self.basis.unit),
             shown.term_columns(),
             rows,
-            [presentation.MEANINGS[self.kind], *notes],
+            [presentation.meaning(self.kind, self.basis.what), *notes],
             data=lambda: shown.to_dict(nonzero=nonzero),
             items="terms",
             section=fields["order"],
@@ -564,7 +564,7 @@ def check_field(b: Series, name: str = "series") -> None:
 def check_series(s: object, name: str, kind: str = "", empty: int | None = None) -> None:
     """Raise a SeriesError unless the argument is a series, of a kind with this coefficient of the empty tree."""
     if not isinstance(s, Series):
-        raise SeriesError(f"{name} must be a BSeries, but was {s!r:.60}")
+        raise SeriesError(f"{name} must be a series, such as series('rk4', 3), but was {s!r:.60}")
     if empty is not None and s.empty != empty:
         raise SeriesError(
             f"{name} must be a {kind}, with the coefficient {empty} of the empty tree, but has {s.empty} there"

@@ -241,3 +241,12 @@ def test_displays():
     )
     assert s.to_latex() == "-h\\, p q + h\\, q p"
     assert repr(s) == "<Series: 14 words to order 3, QQ>"
+
+
+def test_tables_speak_of_the_elements_of_their_basis():
+    text = bs.algebra.Series.of(Words(2, 1), lambda word: 1, names=["x"]).to_table().to_text()
+    assert "Series: words with 1 to 2 letters" in text
+    assert "x x" in text
+    assert "h^|w| · weight(w) · F(w)" in text
+    assert "τ" not in text
+    assert "τ" in bs.series("rk4", 2).to_table().to_text()

@@ -290,7 +290,7 @@ def test_long_series_are_shown_in_part():
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo, 3), "coefficient must be a number"),
         (lambda: bs.series(RK4, 3).exp(), "must be a field, with the coefficient 0 of the empty tree, but has 1"),
         (lambda: bs.series(RK4, 3).log().log(), "must be a flow, with the coefficient 1 of the empty tree"),
-        (lambda: bs.compose(bs.series(RK4, 3), 1), "c must be a BSeries, but was 1"),
+        (lambda: bs.compose(bs.series(RK4, 3), 1), "c must be a series, .*, but was 1"),
         (lambda: bs.compose(bs.series(RK4, 3), bs.series(RK4, 4)), "both series must have the same trees"),
         (lambda: bs.series(RK4, 3) ** "2", "exponent must be a number"),
         (lambda: bs.series(RK4, 3) / 0, "number must not be zero"),

@@ -358,7 +358,7 @@ def test_numbers_beyond_machine_integers(execution):
         (lambda: bs.symmetry(bs.exact_flow(3).log()), "method must be a flow"),
         (lambda: bs.analysis.accuracy(bs.exact_flow(3).log()), "method must be a flow"),
         (lambda: bs.hamiltonian_field(bs.exact_flow(3)), "field must be a field, with the coefficient 0"),
-        (lambda: bs.hamiltonian_field(bs.method("rk4"), 4), "field must be a BSeries"),
+        (lambda: bs.hamiltonian_field(bs.method("rk4"), 4), "field must be a series"),
         (lambda: bs.energy_preservation(bs.exact_flow(3).with_empty(2)), "method must be a flow"),
         (
             lambda: bs.symplecticity(bs.exact_flow(3), colors_are="block"),

@@ -1,4 +1,4 @@
-"""Formal sums, coproducts and antipodes of another kind: planar forests, with the Hopf algebra of Munthe-Kaas and Wright.
+"""Formal sums, coproducts and antipodes of another kind: planar forests, with the algebra of Munthe-Kaas and Wright.
 
 Values and recursions: Munthe-Kaas, Wright, Found. Comput. Math. 8 (2008) 227–257, doi:10.1007/s10208-006-0222-5.
 """
