@@ -12,6 +12,7 @@ import sympy
 import bseries as bs
 from bseries.course.answer_kinds import MOST_NODES, AnswerKind, decisions, formulas, tableau
 from bseries.course.answer_kinds import differentials as differentials_in
+from bseries.course.field_nijhoff import FieldNijhoff, field_nijhoff
 
 if TYPE_CHECKING:
     from integrators import Scene
@@ -81,7 +82,7 @@ def midpoint_preserves_volume() -> tuple[str, ...]:
     return yes_no([in_plane, abc_divergence("implicit-midpoint", 2)[0] == 0])
 
 
-# Exercises 3 to 5: changes of coordinates, and a modified Hamiltonian in closed form.
+# Exercises 3 and 4: changes of coordinates.
 
 
 def _polar() -> Any:
@@ -119,12 +120,6 @@ def averaged_quartic() -> tuple[sympy.Expr]:
     linear = _oscillator("0")
     quartic = quartic_oscillator()[0] - linear.hamiltonian
     return (bs.hamiltonians.lindstedt_poincare(linear, 1, perturbations=[quartic]).symbolic(1),)
-
-
-@cache
-def _field_nijhoff() -> Any:
-    """Field and Nijhoff's modified Hamiltonian in closed form."""
-    return bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
 
 
 # Exercises 7, 9, 11 and 12: methods.
@@ -387,11 +382,11 @@ QUESTIONS = (
     ),
     Question(
         "5b", "the sum of the series", formulas(("I", "h")),
-        lambda: (_field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),),  # I = (1 + p)(1 + q)
+        lambda: (field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),),  # I = (1 + p)(1 + q)
     ),
     Question(
         "5c", "the radius of convergence at (p, q) = (1, 2)",
-        formulas(), lambda: (_field_nijhoff().radius.subs({p: 1, q: 2}),),
+        formulas(), lambda: (FieldNijhoff(bs.scene("field-nijhoff"), "p").radius.subs({p: 1, q: 2}),),
     ),
     Question("6a", "div f_2 of the explicit Euler method", formulas(X_Y_Z), of(abc_divergence, EULER, 1)),
     Question("6b", "div f_3 of the implicit midpoint rule", formulas(X_Y_Z), of(abc_divergence, MIDPOINT, 2)),

@@ -18,12 +18,13 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
 
 import mpmath
 import numpy as np
 import sympy
+from numpy.typing import ArrayLike, NDArray
 from sympy.polys.matrices import DomainMatrix
 
 from bseries.analysis.stability.criteria import stability_function
@@ -39,7 +40,11 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
+
+Array: TypeAlias = NDArray[np.float64]
+Radius: TypeAlias = float | sympy.Expr
 
 DIGITS = 60  # digits of roots and eigenvectors; nearly equal eigenvalues lose many of them
 TOLERANCE = 1e-9  # largest value that counts as zero at a root
@@ -179,6 +184,48 @@ class OscillatorStep:
         return max(abs(b), abs(c), abs(a - d)) < TOLERANCE or abs(self._angle(cmath.sqrt(s))[0]) < 1
 
 
+class ClosedForm(Protocol):
+    """A closed form, as `ClosedHamiltonian` takes it.
+
+    Attributes:
+        kind: A name for the form.
+
+    Example:
+        >>> import math, sympy
+        >>> import bseries as bs
+        >>> class Free:
+        ...     kind, radius = "free", math.inf
+        ...     def radius_at(self, y):
+        ...         return math.inf
+        ...     def values(self, y, h):
+        ...         return y[:, 0] ** 2 / 2
+        ...     def expression(self, h):
+        ...         return sympy.Symbol("p") ** 2 / 2
+        >>> scene = bs.parse_hamiltonian("p^2/2")
+        >>> bs.hamiltonians.ClosedHamiltonian("any method on a free particle", scene, Free())([2.0, 1.0], 0.1)
+        2.0
+    """
+
+    kind: str
+
+    @property
+    def radius(self) -> Radius:
+        """The radius of convergence in h, a number, or a formula in the variables."""
+        ...
+
+    def radius_at(self, y: Array) -> float:
+        """The least radius of convergence at the rows of y."""
+        ...
+
+    def values(self, y: Array, h: float) -> Array:
+        """The values at the rows of y for a step size within the radius."""
+        ...
+
+    def expression(self, h: sympy.Expr) -> sympy.Expr:
+        """The formula for a step size."""
+        ...
+
+
 class LinearHamiltonian:
     """Modified Hamiltonian of a symplectic method for H = ½ yᵀSy with the matrix `form`.
 
@@ -188,10 +235,11 @@ class LinearHamiltonian:
 
     kind = "linear"
 
-    def __init__(self, method: Method, scene: Scene, form: Any, parts: Any = None):
-        self._scene, size = scene, scene.dimension
+    def __init__(self, method: Method, scene: Scene, parts: Parts | None = None):
+        self._scene, self._arguments, size = scene, (method, scene, parts), scene.dimension
         energy: Any = scene.hamiltonian
-        self.constant = energy.subs(dict.fromkeys(scene.symbols, 0))
+        self._constant = energy.subs(dict.fromkeys(scene.symbols, 0))
+        form: Any = sympy.hessian(energy, scene.symbols)
         stages = symplectic_stages(method, scene, parts)
         if isinstance(method, RungeKutta):
             self._step = OscillatorStep.of_runge_kutta(method)
@@ -224,6 +272,9 @@ class LinearHamiltonian:
         largest = max(abs(kappa) for kappa in self._eigensystem[0])
         self.radius = in_x / math.sqrt(largest) if largest else math.inf
 
+    def __reduce__(self) -> tuple[type, tuple[Method, Scene, Parts | None]]:
+        return LinearHamiltonian, self._arguments
+
     @cached_property
     def _eigensystem(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Eigenvalues κ and eigenvectors of K, and the inverse of the matrix of eigenvectors."""
@@ -234,7 +285,7 @@ class LinearHamiltonian:
         return values, vectors, inverse
 
     @cached_method
-    def matrix(self, h: float) -> np.ndarray:
+    def matrix(self, h: float) -> Array:
         """The matrix G of H̃ = yᵀGy."""
         values, vectors, inverse = self._eigensystem
         roots = np.sqrt(values)
@@ -244,18 +295,18 @@ class LinearHamiltonian:
         total: Any = sum(summands)
         return total.real
 
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
+    def values(self, y: Array, h: float) -> Array:
         """Values of H̃ at the rows of y."""
-        return ((y @ self.matrix(h)) * y).sum(axis=1)
+        return ((y @ self.matrix(h)) * y).sum(axis=1) + float(self._constant)
 
-    def radius_at(self, y: np.ndarray) -> float:
+    def radius_at(self, y: Array) -> float:
         """The radius of convergence, the same at all points."""
         return self.radius
 
     def expression(self, h: Any) -> sympy.Expr:
         """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
         y = sympy.Matrix(self._scene.symbols)
-        total: Any = sympy.Integer(0)
+        total: Any = self._constant
         for kappa, projection in self._projections:
             T, U, X = (
                 sympy.expand((y.T * (factor * projection).applyfunc(sympy.simplify) * y)[0, 0])
@@ -282,79 +333,31 @@ class LinearHamiltonian:
         ]
 
 
-class FieldNijhoff:
-    """Closed form c ((I ln I − (I − u) ln(I − u))/u − 1), I = (α + p)(β + q), u = c h, or u = −c h if implicit in q.
-
-    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or vice versa).
-    """
-
-    kind = "field-nijhoff"
-
-    def __init__(self, scene: Scene, invariant: Any, c: Any, sign: int):
-        self._invariant, self._c, self._sign = invariant, c, sign
-        self.radius = invariant / abs(c)
-        energy: Any = scene.hamiltonian
-        self.constant = sympy.simplify(sympy.logcombine(sympy.expand(energy - c * sympy.log(invariant)), force=True))
-        self._numeric = as_function(scene.symbols, invariant, "numpy")
-
-    @classmethod
-    def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
-        """The closed form of a symplectic Euler method on a scene of this kind; None for others."""
-        pairs, stages = canonical_pairs(scene), symplectic_stages(method, scene, parts)
-        kicks, drifts = ([one for one in stages.stages if getattr(one, kind)] for kind in ("kicks", "drifts"))
-        if (len(pairs), len(stages.stages), len(kicks), len(drifts)) != (1, 2, 1, 1):
-            return None
-        symbols, H = [scene.symbols[i] for i in pairs[0]], scene.hamiltonian
-        before = entry(drifts[0].at, kicks[0].forces), entry(kicks[0].at, drifts[0].velocities)
-        factors = [sympy.cancel(1 / sympy.diff(H, x)) for x in symbols]
-        rate, other = (factor.diff(x) for factor, x in zip(factors, symbols, strict=True))
-        if sorted(before) != [0, 1] or [factor.free_symbols for factor in factors] != [{x} for x in symbols]:
-            return None
-        if rate != other or not rate.is_number:
-            return None
-        return cls(scene, factors[0] * factors[1] / rate**2, 1 / rate, 1 if before[0] else -1)
-
-    def expression(self, h: Any) -> sympy.Expr:
-        """The formula for a step size."""
-        i, u = self._invariant, self._sign * self._c * h
-        return self._c * ((i * sympy.log(i) - (i - u) * sympy.log(i - u)) / u - 1)
-
-    def radius_at(self, y: np.ndarray) -> float:
-        """The least radius of convergence |I/c| at the rows of y; 0 where H is not defined."""
-        return max(0.0, float(self._numeric(*y.T).min(initial=math.inf)) / abs(float(self._c)))
-
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """Values of H̃, without cancellation for small steps."""
-        i, c = self._numeric(*y.T), float(self._c)
-        u = self._sign * c * h / i
-        return c * (np.log(i) - ((1 / u - 1) * np.log1p(-u) + 1 if h else 0))
-
-
 class ClosedHamiltonian:
-    """Modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
+    """Modified Hamiltonian in closed form, the sum of its series; `closed_hamiltonian` makes those that are known.
+
+    Args:
+        label: The names of the method and the scene.
+        scene: The scene.
+        form: The closed form, as the protocol `ClosedForm` describes it.
 
     Attributes:
         label: The names of the method and the scene.
         scene: The scene.
-        kind: ``"linear"`` or ``"field-nijhoff"``.
+        kind: The name of the form, such as ``"linear"``.
         radius: The radius of convergence in h, a number, or a formula in the variables.
         variables: The names of the variables.
 
     Example:
         >>> import bseries as bs
-        >>> closed = bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff"))
+        >>> closed = bs.hamiltonians.closed_hamiltonian("stormer-verlet", "harmonic-oscillator")
         >>> closed.kind, closed.radius
-        ('field-nijhoff', (p + 1)*(q + 1))
+        ('linear', 2.0)
     """
 
-    def __init__(self, method: Method, scene: Scene, parts: Any, form: FieldNijhoff | LinearHamiltonian):
-        self.label = f"{method.name} on {scene.name}"
-        self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
+    def __init__(self, label: str, scene: Scene, form: ClosedForm):
+        self.label, self.scene, self._form = label, scene, form
         self.kind, self.radius, self.variables = form.kind, form.radius, scene.variables
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        method, scene, parts = self._arguments
-        return partial(closed_hamiltonian, parts=parts), (method, scene)
 
     def __repr__(self) -> str:
         return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
@@ -387,9 +390,9 @@ class ClosedHamiltonian:
             SeriesError: `h` is neither a number nor an expression, or the frequencies of the linear system are not
                 square roots.
         """
-        return self._form.expression(read_symbolic_step(h)) + self._form.constant
+        return self._form.expression(read_symbolic_step(h))
 
-    def __call__(self, y: Any, h: float) -> Any:
+    def __call__(self, y: ArrayLike, h: float) -> float | Array:
         """The value at one point or many.
 
         Args:
@@ -409,7 +412,7 @@ class ClosedHamiltonian:
             raise SeriesError(
                 f"h must be less than {smallest:.6g}, the radius of convergence, in absolute value, but was {step}"
             )
-        values = self._form.values(states, step) + float(self._form.constant)
+        values = self._form.values(states, step)
         return float(values[0]) if len(shape) == 1 else values
 
     def to_dict(self) -> dict[str, Any]:
@@ -425,13 +428,13 @@ class ClosedHamiltonian:
         }
 
 
-def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any = None) -> ClosedHamiltonian:
+def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Parts | None = None) -> ClosedHamiltonian:
     """The modified Hamiltonian of a symplectic method as the sum of its series, where a closed form is known.
 
-    - Linear systems with H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. It is R(hA), A = J⁻¹S, for
-      Runge–Kutta methods, and the series converges if |hλ| < ρ for all eigenvalues λ of A, with ρ the distance of the
-      nearest zero or pole of R from 0. For H = T(p) + U(q) also other methods made of kicks and drifts.
-    - H = ln(α + p) + ln(β + q) with the symplectic Euler methods, which preserve I = (α + p)(β + q).
+    For linear systems with H = ½ yᵀSy it is yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. This is R(hA), A = J⁻¹S,
+    for Runge–Kutta methods, and the series converges if |hλ| < ρ for all eigenvalues λ of A, with ρ the distance of
+    the nearest zero or pole of R from 0. For H = T(p) + U(q) other methods made of kicks and drifts have a form too.
+    Forms of other systems are given to `ClosedHamiltonian`.
 
     Args:
         method: The method, exact.
@@ -447,26 +450,15 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
         >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("implicit-midpoint"), oscillator))
         modified Hamiltonian of implicit-midpoint on oscillator, for |h| < 2
         2*(p**2/2 + q**2/2)*atan(h/2)/h
-        >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff")))
-        modified Hamiltonian of symplectic-euler-p on field-nijhoff, for |h| < (p + 1)*(q + 1)
-        -1 + (-(-h + (p + 1)*(q + 1))*log(-h + (p + 1)*(q + 1)) + (p + 1)*(q + 1)*log((p + 1)*(q + 1)))/h
 
     References:
-        E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
-        (2003) 1673–1683.
+        E. Hairer, lecture on long-time behaviour, example 3.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
+    method, scene = as_method(method), as_scene(scene)
+    canonical_pairs(scene)
     H, y = scene.hamiltonian, scene.symbols
     if H is not None and (free := sorted(map(str, H.free_symbols - set(y)))):
         raise SeriesError(f"parameters must have values for a closed form, but {', '.join(free)} had none")
-    if H is not None and H.is_polynomial(*y) and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):
-        found = LinearHamiltonian(method, scene, sympy.hessian(H, y), parts)
-    else:
-        found = FieldNijhoff.of(method, scene, parts)
-    if found is None:
-        raise SeriesError(
-            "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "
-            f"{scene.name} with {method.name}"
-        )
-    return ClosedHamiltonian(method, scene, parts, found)
+    if H is None or not H.is_polynomial(*y) or any(sum(e) not in (0, 2) for e in sympy.Poly(H, *y).monoms()):
+        raise SeriesError(f"scene must be linear for a closed form, but was {scene.name}")
+    return ClosedHamiltonian(f"{method.name} on {scene.name}", scene, LinearHamiltonian(method, scene, parts))
