@@ -155,11 +155,12 @@ def generating_terms(
     If not `solved`, the terms S_1, …, S_N of the generating function itself.
     """
     check_order(order)
-    S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()  # S / h
+    stages = _StageSeries(symplectic_stages(method, scene, parts), scene)
+    S = stages.generating()  # S / h
     terms = [S[n] for n in range(order)]
     if solved:
-        terms = HamiltonJacobi(S.ring, canonical_pairs(scene)).hamiltonian(terms)
-    first, *others = map(S.ring.to_expression, terms)
+        terms = HamiltonJacobi(stages.ring, canonical_pairs(scene)).hamiltonian(terms)
+    first, *others = map(stages.ring.to_expression, terms)
     return first + energy_constant(scene), *others  # the stages lack the constant of H
 
 
@@ -372,13 +373,13 @@ class _StageSeries:
         numbers = {*self._weights, *self._b.values(), *(x for row in rows for x, _ in row)}
         irrational = [x for x in numbers if not isinstance(x, Fraction)]
         formulas = [stage.hamiltonian for stage in self._stages]
-        self._ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
-        self._elements = self._ring.elements
-        self._numbers = {x: self._ring.element(x) for x in irrational}
+        self.ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
+        self._elements = self.ring.elements
+        self._numbers = {x: self.ring.element(x) for x in irrational}
 
     def generating(self) -> PowerSeries:
         """The series S / h; in h² Σ b_i â_ij H_q(P_i, Q_i)ᵀ H_p(P_j, Q_j) the sum h Σ_j is Q_i − q."""
-        ring = self._ring
+        ring = self.ring
         parts = [
             (self._number(weight), self._at(stage.at)(element))
             for weight, stage, element in zip(self._weights, self._stages, self._elements, strict=False)
@@ -396,7 +397,7 @@ class _StageSeries:
     @cached_method
     def _at(self, at: LinearForm) -> Composition:
         """The composition of formulas with a point."""
-        return Composition(self._ring, self._point(at))
+        return Composition(self.ring, self._point(at))
 
     @cached_method
     def _point(self, at: LinearForm) -> list[PowerSeries]:
@@ -409,20 +410,20 @@ class _StageSeries:
 
     def _shifted(self, place: int, other: int, row: list[tuple[Any, int]]) -> PowerSeries:
         """A variable plus h times derivatives of H in the conjugate variable at the stages."""
-        start = self._ring.element(self._ring.variables[place])
+        start = self.ring.element(self.ring.variables[place])
         multiples = [(self._number(x), k) for x, k in row if x != 0]
 
         def coefficient(n: int) -> Element:
             if n == 0:
                 return start
-            return self._ring.dot((x, self._derivative(k, other)[n - 1]) for x, k in multiples)
+            return self.ring.dot((x, self._derivative(k, other)[n - 1]) for x, k in multiples)
 
-        return PowerSeries(self._ring, coefficient)
+        return PowerSeries(self.ring, coefficient)
 
     @cached_method
     def _derivative(self, k: int, place: int) -> PowerSeries:
         """The derivative of H^k in a variable at stage k."""
-        return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))
+        return self._at(self._stages[k].at)(self.ring.derivative(self._elements[k], place))
 
 
 def variational_generating_function(
