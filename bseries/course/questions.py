@@ -15,6 +15,7 @@ from bseries.course.answer_kinds import differentials as differentials_in
 from bseries.course.field_nijhoff import FieldNijhoff, field_nijhoff
 
 if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
     from integrators import Scene
     from integrators.methods.programs.program import Method
     from trees import Tree
@@ -298,7 +299,7 @@ def largest_energy_error() -> tuple[sympy.Expr]:
 
 
 @cache
-def splitting_coefficients() -> tuple[sympy.Expr, ...]:
+def splitting_coefficients() -> tuple[Coefficient, ...]:
     """The coefficients of {T,{T,U}} and {U,{U,T}} for kicks γh, (1 − 2γ)h, γh between two drifts h/2."""
     drift = ("q", "1/2")
     flows = [("p", "gamma"), drift, ("p", "1 - 2*gamma"), drift, ("p", "gamma")]
@@ -306,7 +307,7 @@ def splitting_coefficients() -> tuple[sympy.Expr, ...]:
     return brackets["T", "T", "U"], brackets["U", "U", "T"]
 
 
-def best_splitting() -> tuple[sympy.Expr, ...]:
+def best_splitting() -> tuple[sympy.Basic, ...]:
     """γ for which the first one vanishes, and the value of the second one there."""
     first, second = (sympy.sympify(c, strict=True) for c in splitting_coefficients())
     (root,) = sympy.solve(first)

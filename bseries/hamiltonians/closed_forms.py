@@ -29,7 +29,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from bseries.analysis.stability.criteria import stability_function
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import read_states, read_step, read_symbolic_step
+from bseries.fields.inputs import Formula, Step, read_states, read_step, read_symbolic_step
 from bseries.fields.truncation import convergence_radius
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
 from bseries_base.formulas import formula_text
@@ -56,8 +56,8 @@ class OscillatorStep:
 
     def __init__(self, entries: Sequence[sympy.Expr], s: sympy.Symbol):
         self.s = s
-        self.entries: tuple[Any, ...] = tuple(sympy.cancel(entry) for entry in entries)
-        self.cosine: Any = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
+        self.entries: tuple[sympy.Expr, ...] = tuple(sympy.cancel(entry) for entry in entries)
+        self.cosine: sympy.Expr = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
         self._numeric = as_function([s], self.entries, "math")
 
     @classmethod
@@ -85,11 +85,11 @@ class OscillatorStep:
         rows = stages.stages
         s, x = sympy.Symbol("s"), sympy.Symbol("x")
 
-        def changes(at: LinearForm, momentum: bool) -> list[Any]:
+        def changes(at: LinearForm, momentum: bool) -> list[sympy.Basic | int]:
             """The coefficients of the stage values in the change of momenta, or positions, up to a point."""
             signed = ((-1, one.forces) if momentum else (1, one.velocities) for one in rows)
             return [
-                sign * sympy.sympify(entry(at, multiples), strict=True) if one.kicks is momentum else 0
+                sympy.sympify(sign * entry(at, multiples), strict=True) if one.kicks is momentum else 0
                 for one, (sign, multiples) in zip(rows, signed, strict=True)
             ]
 
@@ -112,7 +112,7 @@ class OscillatorStep:
         *numerators, common = (sympy.expand(part).subs(x, sympy.sqrt(s)) for part in parts)
         return cls([part / common for part in numerators], s)
 
-    def formulas(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+    def formulas(self, h: sympy.Expr, kappa: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
         """θ/sin θ times b, c and (d − a)/h at x = h √κ, on the branch from h = 0 while tan(θ/2) is real."""
         s = h**2 * kappa
         a, b, c, d = (entry.subs(self.s, s) for entry in self.entries)
@@ -126,7 +126,7 @@ class OscillatorStep:
             found.append(2 * angle * min(written, key=sympy.count_ops))
         return found[0], found[1], found[2]
 
-    def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+    def _half_angle(self, h: sympy.Expr, kappa: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
         """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; without the factors i if κ < 0."""
         squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
         rational = h * sympy.sqrt(abs(kappa) if kappa.is_negative else kappa)
@@ -235,16 +235,15 @@ class LinearHamiltonian:
 
     kind = "linear"
 
-    def __init__(self, method: Method, scene: Scene, parts: Parts | None = None):
-        self._scene, self._arguments, size = scene, (method, scene, parts), scene.dimension
-        energy: Any = scene.hamiltonian
+    def __init__(self, method: Method, scene: Scene, energy: sympy.Expr, parts: Parts | None = None):
+        self._scene, self._arguments, size = scene, (method, scene, energy, parts), scene.dimension
         self._constant = energy.subs(dict.fromkeys(scene.symbols, 0))
-        form: Any = sympy.hessian(energy, scene.symbols)
+        form = sympy.hessian(energy, scene.symbols)
         stages = symplectic_stages(method, scene, parts)
         if isinstance(method, RungeKutta):
             self._step = OscillatorStep.of_runge_kutta(method)
             in_x = convergence_radius(method).radius
-            self._factors: tuple[Any, ...] = form / 2, sympy.zeros(size), sympy.zeros(size)
+            self._factors = form / 2, sympy.zeros(size), sympy.zeros(size)
         else:
             kinds = {stage.hamiltonian for stage in stages.stages}
             mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
@@ -259,9 +258,9 @@ class LinearHamiltonian:
             for p, q in canonical_pairs(scene):
                 momenta[p, p], positions[q, q], products[p, q] = 1, 1, sympy.Rational(1, 2)
             self._factors = momenta * form / 2, positions * form / 2, products
-        self._square: Any = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
+        self._square = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
         # The minimal polynomial of K must have simple roots.
-        self._polynomial: Any = sympy.Poly(self._square.charpoly().as_expr(), extension=True).sqf_part()
+        self._polynomial = sympy.Poly(self._square.charpoly().as_expr(), extension=True).sqf_part()
         value = sympy.zeros(size)
         for coefficient in self._polynomial.all_coeffs():
             value = value * self._square + coefficient * sympy.eye(size)
@@ -272,7 +271,7 @@ class LinearHamiltonian:
         largest = max(abs(kappa) for kappa in self._eigensystem[0])
         self.radius = in_x / math.sqrt(largest) if largest else math.inf
 
-    def __reduce__(self) -> tuple[type, tuple[Method, Scene, Parts | None]]:
+    def __reduce__(self) -> tuple[type, tuple[Method, Scene, sympy.Expr, Parts | None]]:
         return LinearHamiltonian, self._arguments
 
     @cached_property
@@ -292,7 +291,7 @@ class LinearHamiltonian:
         b, c, mixed = np.array([self._step.coefficients(h * root) for root in roots]).T
         functions = zip(self._factors, (c, b, mixed * roots), strict=True)
         summands = (np.array(factor.tolist(), float) @ (vectors * function) @ inverse for factor, function in functions)
-        total: Any = sum(summands)
+        total = np.sum(list(summands), axis=0)
         return total.real
 
     def values(self, y: Array, h: float) -> Array:
@@ -303,10 +302,10 @@ class LinearHamiltonian:
         """The radius of convergence, the same at all points."""
         return self.radius
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: sympy.Expr) -> sympy.Expr:
         """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
         y = sympy.Matrix(self._scene.symbols)
-        total: Any = self._constant
+        total = self._constant
         for kappa, projection in self._projections:
             T, U, X = (
                 sympy.expand((y.T * (factor * projection).applyfunc(sympy.simplify) * y)[0, 0])
@@ -317,7 +316,7 @@ class LinearHamiltonian:
         return total
 
     @cached_property
-    def _projections(self) -> list[tuple[Any, Any]]:
+    def _projections(self) -> list[tuple[sympy.Expr, Formula]]:
         """The exact eigenvalues κ of K, and the projections on their modes, which are polynomials in K."""
         factors = [factor for factor, _ in self._polynomial.factor_list()[1] if factor.degree() <= 2]
         roots = [root for factor in factors for root in sympy.roots(factor)]
@@ -380,7 +379,7 @@ class ClosedHamiltonian:
         except SeriesError:
             return None
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: Step) -> sympy.Expr:
         """The formula for a step size, a number or a symbol.
 
         For linear systems the branches of roots and arc functions hold up to the first step size at which an eigenvalue
@@ -461,4 +460,4 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Parts
         raise SeriesError(f"parameters must have values for a closed form, but {', '.join(free)} had none")
     if H is None or not H.is_polynomial(*y) or any(sum(e) not in (0, 2) for e in sympy.Poly(H, *y).monoms()):
         raise SeriesError(f"scene must be linear for a closed form, but was {scene.name}")
-    return ClosedHamiltonian(f"{method.name} on {scene.name}", scene, LinearHamiltonian(method, scene, parts))
+    return ClosedHamiltonian(f"{method.name} on {scene.name}", scene, LinearHamiltonian(method, scene, H, parts))
