@@ -16,6 +16,7 @@ from bseries.course.field_nijhoff import FieldNijhoff, field_nijhoff
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
+    from bseries.fields.inputs import Formula
     from integrators import Scene
     from integrators.methods.programs.program import Method
     from trees import Tree
@@ -307,7 +308,7 @@ def splitting_coefficients() -> tuple[Coefficient, ...]:
     return brackets["T", "T", "U"], brackets["U", "U", "T"]
 
 
-def best_splitting() -> tuple[sympy.Basic, ...]:
+def best_splitting() -> tuple[Formula, ...]:
     """γ for which the first one vanishes, and the value of the second one there."""
     first, second = (sympy.sympify(c, strict=True) for c in splitting_coefficients())
     (root,) = sympy.solve(first)

@@ -24,12 +24,12 @@ from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
 from bseries.fields.inputs import MpNumber, Numeral, Point, in_threads, read_states, read_step, warn_where_not_finite
+from bseries.fields.scene_trees import SeriesOnScene
 from bseries_base.errors import BSeriesError
 from integrators.reference.plain_steps import Arithmetic
 
 if TYPE_CHECKING:
     from bseries.exact.domains import Coefficient
-    from bseries.fields.modified_fields import SceneSeries
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.uint64]
@@ -55,7 +55,7 @@ def evaluator() -> Callable[..., None]:
 class CompiledSeries:
     """A `SceneSeries` as compiled functions of doubles."""
 
-    def __init__(self, series: SceneSeries, route: str):
+    def __init__(self, series: SeriesOnScene, route: str):
         self.series = series
         self._wanted = route
         _ = series.scene.numeric_terms  # refuses symbols
@@ -190,7 +190,7 @@ def contractions(ints: Ints) -> int:
 
 
 def build_tables(
-    series: SceneSeries, weights: Sequence[Coefficient], convert: Callable[[Coefficient], N]
+    series: SeriesOnScene, weights: Sequence[Coefficient], convert: Callable[[Coefficient], N]
 ) -> tuple[Ints, list[N]]:
     """The tables of the kernels, with numbers made by `convert`."""
     trees, scene = series.trees, series.scene
@@ -208,7 +208,7 @@ CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "CONTRACTION_ROW", "ZERO", "ONE", "T
 class PreciseSeries:
     """A `SceneSeries` evaluated with a given number of digits; decimal coefficients count as exact."""
 
-    def __init__(self, series: SceneSeries, digits: int):
+    def __init__(self, series: SeriesOnScene, digits: int):
         self.series, self.arithmetic = series, Arithmetic(digits)
         with self.arithmetic.working():
             values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)

@@ -1,26 +1,21 @@
-"""Series on scenes: modified fields, modifying fields and steps with them, truncated maps.
-
-The colours of trees are pieces of the field, and formulas bound the numbers of children. For a method with one part the
-scene may still be split into blocks of variables. Simple blocks have fewer coloured trees than the whole field has
-trees in one colour (123 in place of 200 to order 8 for a separable Hamiltonian with quadratic kinetic energy), so the
-smaller table is used.
-"""
+"""Series on scenes: modified fields, modifying fields and steps with them, truncated maps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation, series
-from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.algebra.stages import check_method
 from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries
 from bseries.fields.inputs import MpNumber, Numeral, Point, check_power, read_states
+from bseries.fields.scene_trees import SceneTrees, flat_fields, trees_of_method, trees_of_series
 from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
 from bseries_base.formulas import formula_text
 from bseries_base.table import PRINT_WIDTH, Column, Table, listed
@@ -28,12 +23,10 @@ from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.particles.expansion import flat_field
-from integrators.scenes.particles.parts import Parts, Piece, check_kind, degrees, pieces_of
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
-from trees.counting import count_trees
 from trees.free_trees import grafting
-from trees.table import TreeTable, tree_table
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,53 +43,6 @@ MEANINGS = {
     "field": "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k).",
     "map": "The map is y1 = Σ h^k · (coefficient of h^k).",
 }
-
-
-class SceneTrees(NamedTuple):
-    """The trees of a method on a scene."""
-
-    pieces: tuple[Piece, ...]  # of the field, for each colour
-    table: TreeTable  # the trees whose elementary differentials need not vanish on the scene
-    shapes: TreeTable  # the table for the series of the method: `table`, or one without colours
-    total: int  # the number of trees of this order in the colours of `table` without bounds on children
-
-
-def trees_of_method(method: Method, order: int, scene: Scene, parts: Parts | None = None) -> SceneTrees:
-    """The trees needed for the series of a method on a scene."""
-    check_method(method)
-    if auxiliary_colors(method):
-        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
-    pieces = pieces_of(method.names, scene, parts)
-    bounds = degrees(scene, pieces)
-    check_kind(method.name, method.max_children, pieces, scene)
-    table = tree_table(order, len(pieces), bounds)
-    choices = [SceneTrees(pieces, table, table, sum(count_trees(order, len(pieces))))]
-    if len(pieces) == 1 and len(scene.blocks) > 1:
-        blocks = tuple(Piece(frozenset([block.name])) for block in scene.blocks)
-        finer = degrees(scene, blocks)
-        if sum(count_trees(order, len(blocks), finer)) < len(table):
-            total = sum(count_trees(order, len(blocks)))
-            choices.append(SceneTrees(blocks, tree_table(order, len(blocks), finer), table, total))
-    return min(choices, key=lambda choice: len(choice.table))
-
-
-def trees_of_series(series: BSeries, scene: Scene, parts: Parts | None = None) -> SceneTrees:
-    """All trees of a given series, with the pieces of the scene."""
-    pieces = pieces_of(series.names, scene, parts)
-    total = sum(count_trees(series.order, len(pieces)))
-    return SceneTrees(pieces, series.table, series.table, total)
-
-
-def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr, ...]]:
-    """The field of each piece: one formula for each variable of the scene."""
-    blocks = [block.name for block in scene.blocks for _ in block.variables]
-    return [
-        tuple(
-            formula if piece.blocks is None or block in piece.blocks else formula * 0
-            for formula, block in zip(flat_field(scene, piece.part), blocks, strict=True)
-        )
-        for piece in pieces
-    ]
 
 
 class SceneSeries:

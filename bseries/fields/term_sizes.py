@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries.exceptions import SeriesError
+from bseries.fields.scene_trees import SeriesOnScene
 from bseries_base.diagrams import draw_legend
 from bseries_base.plotting import BLUE, VERMILION, drawing
 from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from bseries.fields.modified_fields import SceneSeries
 
 MOST_CHECKED = 32
 """States of one call that are looked at, spread evenly over all."""
@@ -215,7 +214,7 @@ class Reach(NamedTuple):
         }
 
 
-def warn_beyond_reach(f: SceneSeries, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
+def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
     """Warn that a series is evaluated beyond its optimum at some rows of `states`, of which a few are looked at."""
     chosen = states[:: max(1, -(-len(states) // MOST_CHECKED))]
     found = [Reach(label, h, norms) for norms in term_norms(f, chosen) if all(map(math.isfinite, norms))]
@@ -233,7 +232,7 @@ def too_long(found: Reach) -> str:
     )
 
 
-def term_norms(f: SceneSeries, states: np.ndarray) -> list[tuple[float, ...]]:
+def term_norms(f: SeriesOnScene, states: np.ndarray) -> list[tuple[float, ...]]:
     """Euclidean norms of the terms at rows of states: 0 without coefficients, or if they vary by their size nearby."""
     shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (NEARBY_POINTS, f.dimension))
     sizes = np.abs(states).max(axis=1)[:, None, None]

@@ -31,13 +31,8 @@ from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.elementary_differentials import SymbolicSeries
 from bseries.fields.inputs import MpNumber
-from bseries.fields.modified_fields import (
-    SceneSeries,
-    SceneTrees,
-    flat_fields,
-    trees_of_method,
-    trees_of_series,
-)
+from bseries.fields.modified_fields import SceneSeries
+from bseries.fields.scene_trees import SceneTrees, flat_fields, trees_of_method, trees_of_series
 from bseries_base.errors import BSeriesError
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function

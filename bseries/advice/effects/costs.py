@@ -13,7 +13,7 @@ import numpy as np
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import trees_of_method
+from bseries.fields.scene_trees import trees_of_method
 from bseries_base.diagrams import bar_height, draw_bars
 from bseries_base.plotting import drawing
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
