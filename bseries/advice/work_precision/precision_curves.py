@@ -303,7 +303,7 @@ def work_precision(
     return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
-def check_errors(errors: Any) -> tuple[float, float]:
+def check_errors(errors: Sequence[float]) -> tuple[float, float]:
     """The largest and the smallest error of interest."""
     try:
         loosest, finest = (read_number(error, "errors") for error in errors)
