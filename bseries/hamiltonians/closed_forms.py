@@ -341,8 +341,6 @@ class ClosedHamiltonian:
         form: The closed form, as the protocol `ClosedForm` describes it.
 
     Attributes:
-        label: The names of the method and the scene.
-        scene: The scene.
         kind: The name of the form, such as ``"linear"``.
         radius: The radius of convergence in h, a number, or a formula in the variables.
         variables: The names of the variables.

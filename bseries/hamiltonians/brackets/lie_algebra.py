@@ -170,13 +170,9 @@ def _is_preferred(word: Word) -> bool:
 
 def _arrangements(content: Sequence[int]) -> Iterator[Word]:
     """All words with given numbers of letters."""
-    if not any(content):
-        yield ()
-    for letter, count in enumerate(content):
-        if count:
-            rest = (*content[:letter], count - 1, *content[letter + 1 :])
-            for word in _arrangements(rest):
-                yield (letter, *word)
+    from sympy.utilities.iterables import multiset_permutations
+
+    return map(tuple, multiset_permutations([letter for letter, count in enumerate(content) for _ in range(count)]))
 
 
 def _cuts(basis: Basis[Any]) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:
