@@ -260,7 +260,8 @@ class LinearHamiltonian:
             self._factors = momenta * form / 2, positions * form / 2, products
         self._square = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
         # The minimal polynomial of K must have simple roots.
-        self._polynomial = sympy.Poly(self._square.charpoly().as_expr(), extension=True).sqf_part()
+        characteristic = self._square.charpoly()
+        self._polynomial = sympy.Poly(characteristic.as_expr(), characteristic.gen, extension=True).sqf_part()
         value = sympy.zeros(size)
         for coefficient in self._polynomial.all_coeffs():
             value = value * self._square + coefficient * sympy.eye(size)
