@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from fractions import Fraction
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -303,7 +304,7 @@ def work_precision(
     return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
-def check_errors(errors: Any) -> tuple[float, float]:
+def check_errors(errors: Iterable[Fraction | float]) -> tuple[float, float]:
     """The largest and the smallest error of interest."""
     try:
         loosest, finest = (read_number(error, "errors") for error in errors)
