@@ -19,13 +19,14 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import optional_module
 from bseries_base.machine_code import FUNCTION, MachineCode
 from integrators.compile.c_functions import data
 from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, box_of
 from integrators.scenes.model.formulas import as_float

@@ -28,7 +28,8 @@ from typing import Any
 
 import sympy
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import Exact, simplest
 from integrators.exact.expressions import ELEMENTARY
 

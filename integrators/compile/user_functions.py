@@ -19,11 +19,12 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import signature
 from numba.np.arrayobj import populate_array
 
+from bseries_base.errors import shorten
 from bseries_base.lowering.expressions import Value
 from bseries_base.lowering.objects import written_code
 from bseries_base.lowering.units import Unit
 from bseries_base.machine_code import FUNCTION, MachineCode
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.model.black_boxes import BlackBox
 
 STATE, VALUES = types.Array(types.float64, 1, "C", readonly=True), types.Array(types.float64, 1, "C")

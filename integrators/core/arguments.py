@@ -10,8 +10,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
 from unicodedata import normalize
 
+from bseries_base.errors import shown
 from bseries_base.extras import loaded_module
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     from inspect import Parameter

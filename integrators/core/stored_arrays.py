@@ -16,8 +16,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from bseries_base.errors import shorten
 from bseries_base.memory import refuse_beyond_memory
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import replacing
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
+from bseries_base.errors import shorten, shown, suggestion
 from bseries_base.interrupts import uninterrupted
-from integrators.core.errors import IntegratorError, shorten, shown, suggestion
+from integrators.core.errors import IntegratorError
 
 MAX_BYTES = 10_000_000
 FORMATS = ("json", "toml")

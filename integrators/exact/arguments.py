@@ -6,8 +6,9 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from bseries_base.errors import shown
 from integrators.core.arguments import MOST_STEPS, is_listed, read_array, read_steps
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import parse_constant
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from math import floor, fsum, inf, isfinite, log10
 from numbers import Rational, Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import loaded_module
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number
 

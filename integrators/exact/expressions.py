@@ -18,8 +18,9 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import check_distinct, identifier
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.arithmetic import Exact
 

@@ -14,8 +14,9 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import MOST_STEPS, check_digits, items, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import is_sympy, read_entry
 from integrators.exact.polynomials import gauss_legendre
 from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, LinearForm, operands

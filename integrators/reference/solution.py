@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import mpmath
 import numpy as np
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import as_lists, items, read_whole
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME

@@ -25,11 +25,12 @@ from mpmath import isfinite, mpf
 from mpmath.libmp import to_rational
 from numpy.typing import NDArray
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import njit
 from integrators.compile import machine
 from integrators.compile.machine import fma
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact import expressions
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import ELEMENTARY

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.errors import shorten
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
 from bseries_base.plotting import BLUE, GREY, drawing
 from bseries_base.table import Column, LazyRows, Table, Tabular, number_column
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, check_path, read_text
 from integrators.runs.storage import check_identity

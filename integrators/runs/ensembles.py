@@ -19,11 +19,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bseries_base.children import Children, end_with_parent, safe_path, start_tracker
+from bseries_base.errors import shorten
 from bseries_base.extras import loaded_module, optional_module
 from bseries_base.interrupts import mapped, uninterrupted
 from bseries_base.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

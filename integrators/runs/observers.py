@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import MachineCode
 from integrators.compile.c_functions import OBSERVER, c_function, data
 from integrators.compile.function_keys import function_key
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, flat_lines
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import sympy
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.formulas import as_float

@@ -14,10 +14,11 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import PACKAGE, package_version
 from bseries_base.memory import refuse_beyond_memory
 from integrators.core.arguments import MOST_STEPS
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, lock, remove_unfinished

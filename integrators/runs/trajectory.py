@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bseries_base.diagrams import axis_label, draw_curves
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
 from bseries_base.plotting import drawing
 from bseries_base.table import Column, LazyRows, Table, Tabular, number_column
 from integrators.core.arguments import check_label, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.stored_arrays import (
     MOST_TEXT,
     TEXT,

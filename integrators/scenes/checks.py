@@ -7,7 +7,8 @@ from contextlib import suppress
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import substituted
 from integrators.exact.functions import as_function
 from integrators.scenes.model.blocks import ROLES, TIME, component_places

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 import sympy
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import items, parameters_of, required, without_axes
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.branches import Absolute, Sign, compare, extreme
 from integrators.scenes.model.black_boxes import BoxArgument
 from integrators.scenes.model.blocks import TIME, Block, read_blocks

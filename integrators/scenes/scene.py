@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from unicodedata import name as unicode_name
 
+from bseries_base.errors import shorten
 from bseries_base.formulas import formula_text
 from bseries_base.table import Column, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
-from integrators.core.errors import shorten
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import decimal_text
 from integrators.scenes.checks import check_domain, defects

@@ -16,8 +16,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import IO, Any
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, items, split_row
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write, check_keys, errors_from, parse_toml, read_text
 from integrators.exact.expressions import MAX_LENGTH, NOT_FINITE
 from integrators.scenes.checks import can_be_checked, defects

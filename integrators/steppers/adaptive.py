@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import sympy
 
+from bseries_base.errors import shorten
 from integrators.compile.scene_source import flat_lines
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import nearest_double
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.system import System

@@ -9,12 +9,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from bseries_base.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.c_functions import RECORDED, REPEATED, Pointer, c_function, data
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.arguments import check_end, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method

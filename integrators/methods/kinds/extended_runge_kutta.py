@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Self, Unpack
 
+from bseries_base.errors import shown
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, EntryRow, Matrix, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs import builder as read
 from integrators.methods.programs.builder import Labels, ProgramBuilder, ProgramMethod

@@ -7,10 +7,11 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, Unpack
 
+from bseries_base.errors import shown
 from bseries_base.numbers import number_text
 from bseries_base.table import Column, Table, as_text
 from integrators.core.arguments import is_listed, items
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, digits_of, read_entry, sum_entries
 from integrators.methods.programs.builder import (
     SECOND_ORDER,

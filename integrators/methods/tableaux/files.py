@@ -15,9 +15,10 @@ from collections.abc import Iterable
 from decimal import Decimal
 from typing import IO, Any
 
+from bseries_base.errors import shorten, shown
 from integrators.core import text_files
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta

@@ -8,9 +8,10 @@ from graphlib import CycleError, TopologicalSorter
 from itertools import combinations
 from typing import Any
 
+from bseries_base.errors import shorten, shown
 from bseries_base.table import Table
 from integrators.core.arguments import check_partition_names, read_labels
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import errors_from
 from integrators.methods.programs.builder import in_color_order
 from integrators.methods.programs.program import Method, Program

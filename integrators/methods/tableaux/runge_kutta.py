@@ -8,9 +8,10 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
+from bseries_base.errors import shorten, shown
 from bseries_base.table import Table
 from integrators.core.arguments import check_digits, items, read_labels
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import entries, polynomials
 from integrators.exact.entries import Entry, EntryRow, Matrix
 from integrators.exact.expressions import check_names, decimal_text, format_number

@@ -14,8 +14,9 @@ from math import comb, lcm
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import MOST_DIGITS, items, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
 from integrators.exact.arithmetic import Exact, simplest

@@ -7,8 +7,9 @@ from fractions import Fraction
 from operator import mul, sub
 from typing import Any
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue import particles
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula

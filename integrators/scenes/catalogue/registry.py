@@ -10,9 +10,10 @@ from functools import cache
 from operator import itemgetter
 from typing import Any, NamedTuple
 
+from bseries_base.errors import shown, suggestion
 from bseries_base.table import Column, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
-from integrators.core.errors import IntegratorError, shown, suggestion
+from integrators.core.errors import IntegratorError
 from integrators.scenes.model.declarations import UnknownNameError
 from integrators.scenes.model.terms import check_active
 from integrators.scenes.scene import Scene, labelled

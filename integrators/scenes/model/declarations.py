@@ -6,9 +6,10 @@ from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries_base.errors import shorten, shown
 from bseries_base.formulas import formula_text
 from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import MAX_LENGTH, decimal_text

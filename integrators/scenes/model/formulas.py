@@ -11,9 +11,10 @@ from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
+from bseries_base.errors import shorten, shown
 from bseries_base.formulas import formula_text
 from integrators.core.arguments import without_axes
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, nearest_double, parse_expression
 

@@ -12,8 +12,9 @@ from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import as_lists, check_label, is_listed, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import ROLES, Block
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import substituted
 from integrators.scenes.model.blocks import ROLES, TIME, Block, canonical_blocks, component_places
 from integrators.scenes.model.system import LOCAL_NAME, VALUE, Argument, Data, LocalTerm, Output, Place, System
