@@ -41,6 +41,8 @@ _GREEK_NAMES = {"lamda": r"\lambda", "omicron": "o", "final sigma": r"\varsigma"
 _RAISED = {"<super>": "^", "<sub>": "_"}
 
 
+Document: TypeAlias = dict[str, Any]
+"""An object of JSON or TOML."""
 Row: TypeAlias = Any  # whatever the columns of its table accept
 
 
@@ -100,7 +102,7 @@ class Table(NamedTuple):
     columns: Sequence[Column]
     rows: Collection[Row]
     notes: Sequence[str] = ()  # sentences below the rows
-    data: Callable[[], Mapping[str, Any]] = dict  # makes the JSON document
+    data: Callable[[], Document] = dict  # makes the JSON document
     items: str = ""  # the key of the list in `data` that has one item to a line
     section: Callable[[Row], object] | None = None  # a value of a row
     records: Table | None = None  # the table for CSV, if it differs: all rows, with all digits

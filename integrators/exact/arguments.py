@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bseries_base.errors import shown
 from integrators.core.arguments import MOST_STEPS, is_listed, read_array, read_steps
@@ -15,11 +16,11 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-def read_number(value: Any, argument: str) -> float:
+def read_number(value: object, argument: str) -> float:
     """A finite number as a double."""
     given = parse_constant(value, argument=argument) if isinstance(value, str) else value
     try:
-        number = math.nan if isinstance(given, bool) else float(given)
+        number = math.nan if isinstance(given, bool) else float(given)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
@@ -27,7 +28,7 @@ def read_number(value: Any, argument: str) -> float:
     return number
 
 
-def read_window(window: Any) -> tuple[float, float, float, float]:
+def read_window(window: Iterable[object]) -> tuple[float, float, float, float]:
     """The ends (left, right, bottom, top) of axes, checked."""
     try:
         left, right, bottom, top = (read_number(end, "window") for end in window)

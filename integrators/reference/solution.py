@@ -230,7 +230,7 @@ def _order(digits: int) -> int:
     return ceil(1 + digits * log(10) / 2)
 
 
-def _read_number(value: Any, argument: str) -> Fraction:
+def _read_number(value: object, argument: str) -> Fraction:
     """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
     from integrators.reference.taylor_series import fraction_of
 

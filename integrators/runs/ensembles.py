@@ -70,7 +70,7 @@ class Members:
     observers: Observers
     observe_every: int
     change: Sequence[str | None]
-    sample: Callable[[np.random.Generator], Any] | None
+    sample: Callable[[np.random.Generator], object] | None
     seed: int
     keep: int
     final: bool
@@ -201,12 +201,12 @@ def ensemble(
     h: float | str,
     steps: int | None = None,
     span: float | str | None = None,
-    y0: Any = None,
-    sample: Callable[[np.random.Generator], Any] | None = None,
+    y0: object = None,
+    sample: Callable[[np.random.Generator], object] | None = None,
     members: int | None = None,
     seed: int = 0,
     t0: float = 0.0,
-    observe: Any = "energy",
+    observe: object = "energy",
     observe_every: int | None = None,
     change: str | Mapping[str, str] | None = None,
     keep: int = 0,

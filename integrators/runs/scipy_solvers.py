@@ -28,7 +28,7 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     from scipy.integrate import RK45
 
-Array = np.ndarray[Any, Any]
+Array = np.ndarray
 
 MOST_ESTIMATES = 2
 SECOND_ERROR = 0.1

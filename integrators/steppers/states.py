@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from integrators.core.errors import IntegratorError
@@ -28,7 +26,7 @@ class StepError(IntegratorError):
         103 1.02 <Trajectory of rk4 on scene: 103 states from t = 0 to 1.02>
     """
 
-    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: Any = None):
+    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: object = None):
         super().__init__(message)
         self.step, self.t, self.y, self.trajectory = step, t, y, trajectory
 

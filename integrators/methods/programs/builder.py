@@ -137,10 +137,11 @@ class ProgramBuilder:
             >>> builder.program(at + builder.flow(at, "L"), name="lawson", max_children=[[1, 1, 1], [None, None]])
             <Program lawson: 2 evaluations, max_children=((1, 1, 1), (None, None))>
         """
+        evaluations = []
         for e, evaluation in enumerate(self._evaluations, 1):
             if evaluation is None:
                 raise IntegratorError(f"evaluations must all be defined, but k{e} is not")
-        evaluations: Any = tuple(self._evaluations)
+            evaluations.append(evaluation)
         return Program(
             evaluations, self._form(result, "result", start=1), parts=self._parts, auxiliary=self._auxiliary,
             name=name, reference=reference, digits=digits, max_children=max_children,

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from bseries_base.child_bounds import ChildBounds, read_child_bounds
 from bseries_base.errors import shorten
-from bseries_base.plotting import drawing, fit_picture, in_centimetres
-from bseries_base.table import Column, Table, as_html
+from bseries_base.plotting import Style, drawing, fit_picture, in_centimetres
+from bseries_base.table import Column, Document, Table, as_html
 from integrators.core.arguments import check_digits, read_labels
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
@@ -76,7 +76,7 @@ class Method(ImmutableValue):
         lines = [(line,) for line in program_text(self.program).splitlines()]
         return Table(self.name, [Column("step")], lines, self.remarks, data=self.to_dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The method as plain data."""
         return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
 
@@ -101,7 +101,7 @@ class Method(ImmutableValue):
         font, gap, aspect, leading = 9.0, 7.0, 0.602, 1.35
         size = font * aspect * max(map(len, lines)) + 2 * gap, font * leading * len(lines) + 2 * gap
         with drawing(ax, IntegratorError, in_centimetres(size), frame=False) as axes:
-            style: Any = {"family": "monospace", "linespacing": leading / 1.2, "parse_math": False}
+            style: Style = {"family": "monospace", "linespacing": leading / 1.2, "parse_math": False}
             axes.text(gap, gap, text, va="top", fontsize=font * fit_picture(axes, size), **style)
         return axes
 
@@ -134,7 +134,7 @@ class Method(ImmutableValue):
         return self.program.digits
 
     @property
-    def labels(self) -> dict[str, Any]:
+    def labels(self) -> Document:
         """Name, reference and digits, as arguments of a program."""
         return {"name": self.name, "reference": self.reference, "digits": self.digits}
 
@@ -295,12 +295,12 @@ class Program(Method):
             for part in range(len(self.names))
         )
 
-    def total(self, e: int, part: int) -> Any:
+    def total(self, e: int, part: int) -> Entry:
         """The value of k_e / h for a field that is 1 in one part and 0 in the others."""
         evaluation = self.evaluations[e]
         if isinstance(evaluation, Derivative):
             return 0
-        own: Any = int(evaluation.part in (part, None))
+        own: Entry = int(evaluation.part in (part, None))
         if isinstance(evaluation, Average):
             return own * entries.read_entry("1", "weight") / (evaluation.power + 1)
         if isinstance(evaluation, Flow):

@@ -115,7 +115,7 @@ class Recorder:
         self.equations: list[LinearForm | None] = []
         self.times: list[tuple[LinearForm, Entry, str]] = []
 
-    def run(self, step: Callable[..., Any]) -> LinearForm:
+    def run(self, step: Callable[..., object]) -> LinearForm:
         """Call the step and return its end."""
         parameters = parameters_of(step)
         count = 3 if parameters is None else required(parameters)
