@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bseries_base.errors import shown
 from integrators.core.arguments import MOST_STEPS, is_listed, read_array, read_steps
@@ -28,7 +27,7 @@ def read_number(value: object, argument: str) -> float:
     return number
 
 
-def read_window(window: Iterable[object]) -> tuple[float, float, float, float]:
+def read_window(window: Any) -> tuple[float, float, float, float]:
     """The ends (left, right, bottom, top) of axes, checked."""
     try:
         left, right, bottom, top = (read_number(end, "window") for end in window)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from integrators.core.errors import IntegratorError
@@ -26,7 +28,7 @@ class StepError(IntegratorError):
         103 1.02 <Trajectory of rk4 on scene: 103 states from t = 0 to 1.02>
     """
 
-    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: object = None):
+    def __init__(self, message: str, step: int, t: float, y: np.ndarray, trajectory: Any = None):
         super().__init__(message)
         self.step, self.t, self.y, self.trajectory = step, t, y, trajectory
 
