@@ -7,7 +7,8 @@ from math import ceil
 
 import numpy as np
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene

@@ -10,8 +10,8 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shorten, shown
 from bseries_base.interrupts import mapped
-from integrators.core.errors import shorten, shown
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,7 +19,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
 from bseries.fields.term_sizes import Reach, TruncationWarning, term_norms, too_long
-from integrators.core.errors import shown
+from bseries_base.errors import shown
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import bseries as bs
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shown
 from bseries_base.extras import np
 from integrators.core.arguments import as_lists, is_listed, split_row
-from integrators.core.errors import shown
 from integrators.exact.expressions import parse_constant
 from integrators.methods.catalogue.registry import as_method
 from integrators.scenes.text import read_values

@@ -28,10 +28,10 @@ from bseries.hamiltonians.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.perturbations import PeriodGain, Perturbation, Violation, angle_periods, violations
 from bseries.scene_text import place
 from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.errors import shorten
 from bseries_base.plotting import BLACK, SKY, drawing
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.arguments import read_steps
-from integrators.core.errors import shorten
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

@@ -42,11 +42,10 @@ from bseries.hamiltonians.verdicts import (
     name_of,
 )
 from bseries_base.diagrams import axis_label, draw_curves, draw_levels
-from bseries_base.errors import BSeriesError
+from bseries_base.errors import BSeriesError, shown
 from bseries_base.formulas import formula_text
 from bseries_base.plotting import BLUE, drawing
 from bseries_base.table import PRINT_WIDTH, Column, Table, listed, short_latex
-from integrators.core.errors import shown
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

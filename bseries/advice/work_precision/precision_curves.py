@@ -25,10 +25,11 @@ from bseries.advice.work_precision.sweeps import (
     timed_curves,
 )
 from bseries_base.diagrams import MARKERS, draw_legend, line_style
+from bseries_base.errors import shorten
 from bseries_base.plotting import drawing, new_figure, print_style
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import check_progress
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_number, read_positive
 from integrators.runs.titles import write_title
 from integrators.scenes.catalogue.registry import as_scene

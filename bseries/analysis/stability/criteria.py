@@ -21,7 +21,8 @@ from typing import Any
 from bseries.analysis.stability import field_elements as field
 from bseries.analysis.stability.field_elements import Coefficients, Inexact
 from bseries.analysis.stability.rational_functions import StabilityFunction
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.polynomials import ONE, add, derivative, evaluate, from_flint, multiply, to_flint_matrix, trim
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta

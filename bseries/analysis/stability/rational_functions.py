@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Self, SupportsIndex
 from bseries.analysis.stability import field_elements as field
 from bseries.analysis.stability.field_elements import Coefficients, Inexact
 from bseries_base.diagrams import draw_region
+from bseries_base.errors import shorten
 from bseries_base.numbers import latex_number
 from bseries_base.plotting import BLACK, drawing
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
