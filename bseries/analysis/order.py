@@ -195,7 +195,7 @@ def _check_exact(s: Series) -> None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
-def exact_values_of(basis: Basis[Any], auxiliary: frozenset[int]) -> RationalValues:
+def exact_values_of(basis: Basis, auxiliary: frozenset[int]) -> RationalValues:
     """The exact flow, and 0 for trees with a node of an auxiliary colour."""
     exact = exact_values(basis)
     if not auxiliary:

@@ -184,7 +184,7 @@ def compare(
     given: sympy.Expr,
     wanted: sympy.Expr,
     symbols: Sequence[Any],
-    others: Mapping[str, Any] = {},
+    others: Mapping[str, sympy.Expr] = {},
     *,
     constant: bool = False,
     rounded: int = 0,

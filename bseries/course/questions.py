@@ -87,7 +87,7 @@ def midpoint_preserves_volume() -> tuple[str, ...]:
 # Exercises 3 and 4: changes of coordinates.
 
 
-def _polar() -> Any:
+def _polar() -> bs.hamiltonians.CoordinateChange:
     """The change to polar coordinates in the plane."""
     new, positions = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
     return bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
