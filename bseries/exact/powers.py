@@ -127,7 +127,7 @@ def rational_sum(
 
 def _machine_code_pays(table: TreeTable, stages: Stages, steps: int) -> bool:
     """Whether machine code should do the sum: if the work is worth it, or the table is made by it already."""
-    return table.compiled or machine_code_pays(steps * sum(x * x for x in stages.sizes) * len(table))
+    return table.compiled or machine_code_pays(steps * stages.size * len(table))
 
 
 def fits_word(order: int, step: int) -> bool:
