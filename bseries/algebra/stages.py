@@ -24,7 +24,7 @@ from typing import Any, TypeAlias
 
 from bseries.exact import domains, lie, powers, recursions, stage_sizes
 from bseries.exact.arithmetic import Exact, Wrapped, wrapped_stages
-from bseries.exact.bounds import Bound, geometric, scaled
+from bseries.exact.bounds import Bound, scaled
 from bseries.exact.denominators import primorial, smallest_step, twos
 from bseries.exact.domains import RingValues, Values, alike, converted, narrowest, ring_element, to_float
 from bseries.exact.powers import PowerWeights
@@ -477,7 +477,9 @@ class FlowChain:
     def series(self, table: TreeTable) -> Values:
         """The coefficients of the method."""
         size = sum(map(abs, self.times)) if self.kind == "rational" else 0
-        bound = geometric(table.max_order, size)  # the exact flow over all times is larger tree by tree
+        bound = tuple(
+            scaled(size**n) for n in range(table.max_order + 1)
+        )  # the exact flow over all times is larger tree by tree
         operation = Operation(
             lambda arithmetic, weights: weights(field=False), lambda known: bound, units=2, passes=len(self.times)
         )  # even units: modulo 2^64 the values of a flow cannot be halved

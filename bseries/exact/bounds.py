@@ -37,12 +37,6 @@ def numerator_bits(bound: Bound, denominators: Sequence[int]) -> list[int]:
     return [((x * d >> FINE) + 1).bit_length() for x, d in zip(bound[1:], denominators[1:], strict=True)]
 
 
-@lru_cache(maxsize=256)
-def geometric(order: int, size: Fraction) -> Bound:
-    """size^n: a bound on the exact flow over this time."""
-    return tuple(scaled(size**n) for n in range(order + 1))
-
-
 def product(x: int, y: int) -> int:
     """A bound on a product."""
     return (x * y >> FINE) + 1

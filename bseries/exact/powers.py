@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -65,14 +65,11 @@ class PowerWeights:
         return max(map(len, self.numerators))
 
 
-def _weights(
-    order: int, weight: Callable[[int, int], Fraction], unit: int, bound: Callable[[Bound, Bound], Bound] | None = None
-) -> PowerWeights:
+def _weights(order: int, weight: Callable[[int, int], Fraction], unit: int) -> PowerWeights:
     rows = [[weight(n, k) for k in range(1, n + 1)] for n in range(order + 1)]
     denominators = [math.lcm(*(w.denominator for w in row)) for row in rows]
     whole = [tuple(int(w * d) for w in row) for row, d in zip(rows, denominators, strict=True)]
-    sizes = bound or (lambda flow, known: bounds.sum_of_powers(rows, flow))
-    return PowerWeights(tuple(whole), tuple(denominators), unit, sizes)
+    return PowerWeights(tuple(whole), tuple(denominators), unit, lambda flow, _: bounds.sum_of_powers(rows, flow))
 
 
 @lru_cache(maxsize=64)
@@ -84,12 +81,8 @@ def one_step(order: int) -> PowerWeights:
 @lru_cache(maxsize=64)
 def logarithm(order: int) -> PowerWeights:
     """The derivative at 0 of the polynomial in k."""
-    return _weights(
-        order,
-        lambda n, k: Fraction((-1) ** (k + 1) * math.comb(n, k), k),
-        primorial(order),
-        partial(bounds.logarithm, TreeTable.growth),
-    )
+    made = _weights(order, lambda n, k: Fraction((-1) ** (k + 1) * math.comb(n, k), k), primorial(order))
+    return replace(made, bound=partial(bounds.logarithm, TreeTable.growth))
 
 
 @lru_cache(maxsize=64)
