@@ -35,6 +35,8 @@ MAX_NESTING = 6
 """Largest nesting depth of powers and functions, since SymPy takes exponential time to determine signs."""
 MOST_DEGREE = 16
 """Largest degree of a field of algebraic numbers; SymPy takes half a minute to build one of degree 32."""
+FLOATS = f"the tableau holds floats, or roots within roots of a degree above {MOST_DEGREE}"
+"""Why results may be floats."""
 LARGEST_ORDER = 10_000
 """Largest order n of roots of unity whose φ(n) is computed: n with many digits are hard to factor, and for larger n
 φ(n) exceeds 2 · `MOST_DEGREE` anyway."""

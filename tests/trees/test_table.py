@@ -8,7 +8,7 @@ import pytest
 
 import trees.basis
 import trees.table
-from trees import Tree, TreeError, TreeTable, count_trees
+from trees import Tree, TreeError, TreeTable, count_trees, folds
 from trees.counting import memory_estimate
 from trees.kernels import graft
 
@@ -204,3 +204,14 @@ def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
 def test_refusals_name_the_argument(arguments, message):
     with pytest.raises(TreeError, match=message):
         TreeTable(*arguments)
+
+
+@pytest.mark.parametrize(("order", "colors", "names"), [(7, 1, None), (4, 2, ("fast", "slow")), (3, 3, tuple("abc"))])
+def test_texts_from_factors_are_those_of_trees(order, colors, names):
+    table = TreeTable(order, colors)
+    text, formula = folds.tree_texts(table, names), folds.differentials(table, names)
+    levels, colors_of = folds.levels(table), folds.colors(table)
+    for at in reversed(range(len(table))):
+        tree = table[at]
+        assert (text(at), formula(at)) == (tree.text(names), tree.differential(names=names))
+        assert (levels(at), colors_of(at)) == (tree.levels, tree.colors)
