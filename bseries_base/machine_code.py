@@ -242,7 +242,7 @@ class MachineCode:
         for name, value in code.objects.items():
             ctypes.c_void_p.from_address(self._loader.get_global_value_address(name)).value = id(value)
 
-    def function(self, prototype: type[ctypes._CFunctionType]) -> ctypes._CFunctionType:
+    def function(self, prototype: Callable[[int], Compiled]) -> Compiled:
         """The function for calls from Python, of a type made by `ctypes.CFUNCTYPE`; it keeps the machine code."""
         made = prototype(self.address)
         made.code = self  # type: ignore[attr-defined]

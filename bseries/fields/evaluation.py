@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import mpmath
 import numpy as np
@@ -177,7 +177,7 @@ class CompiledSeries:
         return math.ceil(rows / math.ceil(rows / MOST_LANES))
 
 
-def _pointer(array: Array | Ints) -> ctypes._Pointer:
+def _pointer(array: Array | Ints) -> Any:
     """A pointer to a contiguous array of doubles or unsigned integers."""
     kind = ctypes.c_uint64 if array.dtype == np.uint64 else ctypes.c_double
     return array.ctypes.data_as(ctypes.POINTER(kind))

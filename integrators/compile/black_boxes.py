@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache, partial
 from types import FunctionType
-from typing import TYPE_CHECKING, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -125,12 +125,12 @@ def _parts(box: BlackBox) -> tuple[BlackBox, Store, int]:
 
 
 @cached_method
-def _report(box: BlackBox) -> ctypes._CFunctionType:
+def _report(box: BlackBox) -> Any:
     """The C function that is called where the function of Python fails; it lives as long as the box."""
     key = box.key
 
     @VALUES
-    def report(numbers: ctypes._Pointer[ctypes.c_double]) -> None:
+    def report(numbers: Any) -> None:
         box = box_of(key)
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
         _FAILURE.error = box.name, values, _error(box, values)
