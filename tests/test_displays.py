@@ -127,12 +127,15 @@ def example(name: str) -> Any:
 
 
 def public_classes() -> dict[str, type]:
-    """The public classes by name, without exceptions and warnings."""
+    """The public classes by name, without exceptions, warnings and protocols."""
     members = (pair for room in ROOMS for pair in ((name, getattr(room, name)) for name in dir(room)))
     return {
         name: value
         for name, value in members
-        if inspect.isclass(value) and not name.startswith("_") and not issubclass(value, Exception)
+        if inspect.isclass(value)
+        and not name.startswith("_")
+        and not issubclass(value, Exception)
+        and not getattr(value, "_is_protocol", False)
     }
 
 

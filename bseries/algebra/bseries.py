@@ -124,8 +124,8 @@ class BSeries(Series):
         differential = folds.differentials(table, names)
         return {
             "tree": lambda term: tree(term.at),
-            "levels": lambda term: levels(term.at),
-            "colors": lambda term: colors(term.at),
+            "levels": lambda term: list(levels(term.at)),
+            "colors": lambda term: list(colors(term.at)),
             "order": lambda term: table.order_of(term.at),
             "symmetry": lambda term: term.symmetry,
             "density": lambda term: int(densities[term.at]),
