@@ -129,13 +129,11 @@ def example(name: str) -> Any:
 def public_classes() -> dict[str, type]:
     """The public classes by name, without exceptions, warnings and protocols."""
     members = (pair for room in ROOMS for pair in ((name, getattr(room, name)) for name in dir(room)))
+    classes = {name: value for name, value in members if inspect.isclass(value) and not name.startswith("_")}
     return {
         name: value
-        for name, value in members
-        if inspect.isclass(value)
-        and not name.startswith("_")
-        and not issubclass(value, Exception)
-        and not getattr(value, "_is_protocol", False)
+        for name, value in classes.items()
+        if not issubclass(value, Exception) and not getattr(value, "_is_protocol", False)
     }
 
 
