@@ -20,6 +20,7 @@ from .lindstedt_poincare import NormalForm as NormalForm
 from .lindstedt_poincare import lindstedt_poincare as lindstedt_poincare
 from .modified_hamiltonian import ModifiedHamiltonian as ModifiedHamiltonian
 from .modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
+from .named_functions import named_hamiltonian as named_hamiltonian
 from .perturbations import takahashi_imada_integral as takahashi_imada_integral
 from .verdicts import HamiltonianVerdict as HamiltonianVerdict
 from .verdicts import hamiltonian_verdict as hamiltonian_verdict

@@ -41,10 +41,13 @@ def complete_effect(ctx: click.Context, param: click.Parameter, incomplete: str)
     return completions({name: text for entry in entries for name, text in entry.effects.items()}.items(), incomplete)
 
 
-def takes_scene(*, as_argument: bool = False, required: bool = True, compare: bool = False) -> Decorator[T]:
+def takes_scene(
+    *, as_argument: bool = False, required: bool = True, compare: bool = False, named: bool = False
+) -> Decorator[T]:
     """Add the option --scene, or the argument SCENE, and its options to a verb.
 
-    The verb receives `scene` (None if not given) and `effects`, the names of the active effects.
+    The verb receives `scene` (None if not given) and `effects`, the names of the active effects. If `named`, it also
+    receives `named`: for a Hamiltonian with functions that are only named, its text, blocks and parameters, else None.
     """
     where = "name from `bseries scenes`, a .toml file, or - for one on standard input"
     if as_argument:
@@ -89,6 +92,10 @@ def takes_scene(*, as_argument: bool = False, required: bool = True, compare: bo
             if compare:
                 plain = _plain_scene(way, text, blocks, values)
                 return verb(scene=plain, effects=effects, parameters=values, **options)
+            if named:
+                options["named"] = _named(text, blocks, effects, values) if way == "--hamiltonian" else None
+                if options["named"]:
+                    return verb(scene=None, effects=(), **options)
             scene = None if way is None else _scene(way, text, blocks, effects, values)
             on = () if scene is None else scene.active or tuple(dict.fromkeys(effects))
             return verb(scene=scene, effects=on, **options)
@@ -96,6 +103,17 @@ def takes_scene(*, as_argument: bool = False, required: bool = True, compare: bo
         return read
 
     return decorate
+
+
+def _named(text: str, blocks: str | None, effects: Sequence[str], values: Values) -> dict[str, object] | None:
+    """A Hamiltonian with functions that are only named."""
+    from bseries.hamiltonians.named_functions import named_functions
+
+    if not named_functions(text):
+        return None
+    if effects:
+        raise Refusal(f"effect must come with a SCENE that has it, but was {effects[0]!r:.60} for named functions")
+    return {"text": text, "blocks": blocks, "parameters": values}
 
 
 def _plain_scene(way: str | None, text: str, blocks: str | None, values: Values) -> Scene | str:

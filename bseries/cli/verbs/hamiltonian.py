@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -30,7 +30,7 @@ OF_INTEGRATION = (
 
 @click.command()
 @takes_method()
-@takes_scene(required=False)
+@takes_scene(required=False, named=True)
 @takes_parts
 @takes_powers
 @click.option(
@@ -45,6 +45,7 @@ OF_INTEGRATION = (
 def hamiltonian(
     method: Method,
     scene: Scene | None,
+    named: dict[str, Any] | None,
     effects: Sequence[str],
     parts: dict[str, list[str]] | None,
     order: int | None,
@@ -63,7 +64,8 @@ def hamiltonian(
     The numerical solution of a symplectic method follows the Hamiltonian system of H + h H_2 + h^2 H_3 + …, that of a
     Poisson integrator likewise. Trees, brackets and generating functions lead to it independently; integration is for
     methods that are symplectic on the scene at hand only. Other methods are refused, and the sentence says where they
-    fail; with --verdict that is the answer.
+    fail; with --verdict that is the answer. Functions that are only named, as in p^2/2 + U(q), stand for all functions:
+    the formulas have their derivatives.
 
     --plot draws its level curves, with the states of a run from the scene's start; with more than two variables, the
     errors of H and of H~ along this run.
@@ -75,12 +77,22 @@ def hamiltonian(
       bseries hamiltonian implicit-midpoint --scene pendulum
       bseries hamiltonian stormer-verlet --hamiltonian "p^2/2 - cos(q)" --order 3 --route generating-function
       bseries hamiltonian symplectic-euler-p --scene lotka-volterra --order 3 --format latex
+      bseries hamiltonian stormer-verlet --hamiltonian "p^2/2 + U(q)" --order 5
+      bseries hamiltonian symplectic-euler-p --hamiltonian "H(p,q)" --order 3
       bseries hamiltonian strang --scene henon-heiles --parts "a=p;b=q" --power 2
       bseries hamiltonian stormer-verlet --brackets --kinetic T
       bseries hamiltonian yoshida4 --brackets --power 4 --format json
       bseries hamiltonian rk4 --scene pendulum --verdict
       bseries hamiltonian symplectic-euler-p --scene pendulum --order 3 --step 0.5 --plot levels.pdf
     """
+    if named is not None:
+        from bseries.hamiltonians.named_functions import named_hamiltonian
+
+        others = {"brackets": brackets, "kinetic": kinetic, "verdict": verdict, "step": step, "route": route != "auto"}
+        if name := next((name for name, value in others.items() if value), None):
+            raise Refusal(f"{name} must be left out for functions that are only named, but was given")
+        order, powers = read_powers(order, power)
+        return named_hamiltonian(method, order=order, parts=parts, **named).to_table(powers, nonzero=nonzero)
     if scene is None and not brackets:
         raise Refusal(
             "SCENE must be given: --scene with a name from `bseries scenes`, --ode or --hamiltonian; or else --brackets"

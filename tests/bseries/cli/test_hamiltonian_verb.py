@@ -379,3 +379,10 @@ def test_mistakes_end_in_one_line(run, tmp_path, monkeypatch, mistake):
     assert result.stderr.count("\n") == 1
     assert re.search(sentence, result.stderr), result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_functions_that_are_only_named(answer, run):
+    named = "hamiltonian", "stormer-verlet", "--hamiltonian", "p^2/2+U(q)", "--order", "3"
+    assert "-U'**2/24 + U''*p**2/12" in answer(*named)
+    assert r"\frac{U'' p^{2}}{12}" in answer(*named, "--format", "latex")
+    assert "verdict must be left out for functions that are only named" in run(*named, "--verdict").stderr
