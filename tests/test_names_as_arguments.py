@@ -12,10 +12,12 @@ import integrators
 ROOMS = (bs, integrators, bs.analysis, bs.stability, bs.fields, bs.hamiltonians, bs.runs, bs.advice, bs.integrators)
 NUMBERS = {
     "order": 3, "h": 0.1, "steps": 4, "y0": [0.1, 0.2], "y": ["0.1", "0.2"], "t": 1, "spread": 0.1, "temperature": 1,
+    "text": "p^2/2 + U(q)",
 }  # fmt: skip
 METHODS = {
     "bracket_hamiltonian": "strang", "closed_hamiltonian": "symplectic-euler-p", "generating_function": "gauss2",
-    "modified_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33", "scipy_solver": "tsit5",
+    "modified_hamiltonian": "gauss2", "named_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33",
+    "scipy_solver": "tsit5",
 }  # fmt: skip
 SCENES = {"closed_hamiltonian": "harmonic-oscillator"}
 OBJECTS_ONLY = {
