@@ -17,7 +17,7 @@ NUMBERS = {
 METHODS = {
     "bracket_hamiltonian": "strang", "closed_hamiltonian": "symplectic-euler-p", "generating_function": "gauss2",
     "modified_hamiltonian": "gauss2", "named_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33",
-    "scipy_solver": "tsit5",
+    "generalised_order": "strang", "scipy_solver": "tsit5",
 }  # fmt: skip
 SCENES = {"closed_hamiltonian": "harmonic-oscillator"}
 OBJECTS_ONLY = {

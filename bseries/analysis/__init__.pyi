@@ -3,6 +3,7 @@ from .conjugation import ConjugateVerdict as ConjugateVerdict
 from .conjugation import conjugate as conjugate
 from .conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .conjugation import effective_order as effective_order
+from .generalised_order import generalised_order as generalised_order
 from .order import Verdict as Verdict
 from .order import error_coefficients as error_coefficients
 from .order import order_of as order_of

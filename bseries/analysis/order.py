@@ -7,7 +7,7 @@ same digits change it by as much, in the worst case (see `bseries.algebra.uncert
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from itertools import chain
@@ -179,12 +179,16 @@ def accuracy_of(s: BSeries, auxiliary: frozenset[int] = frozenset()) -> Verdict:
 
 def first_failure(s: Series, auxiliary: frozenset[int] = frozenset()) -> int | None:
     """Id of the first element whose order condition a flow violates; `auxiliary` colours are not parts of the field."""
+    return next(failures(s, auxiliary), None)
+
+
+def failures(s: Series, auxiliary: frozenset[int] = frozenset()) -> Iterator[int]:
+    """Ids of the elements whose order condition a flow violates."""
     _check_exact(s)
     mine, others = alike([s.stored, exact_values_of(s.basis, auxiliary)])
     for at in range(len(s)):
         if not mine.equals_at(others, at) and not s.may_be(at, others[at]):
-            return at
-    return None
+            yield at
 
 
 def _check_exact(s: Series) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, modified_equation, series, table_of
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES, ConjugateVerdict
+from bseries.analysis.generalised_order import generalised_orders, is_product_of_two
 from bseries.analysis.order import (
     MOST_STRUCTURE_TREES,
     MOST_TREES,
@@ -79,6 +81,8 @@ class Report(NamedTuple):
         assumptions: The simplifying assumptions B(p), C(q), D(r); None where they are not decided.
         stability: Linear stability and contractivity (see `tableau_properties`).
         rounded: The order of the method if its entries are rounded numbers, where it is larger (see `rounded_order`).
+        generalised: The generalised order where a part of the field is small, by the part, if it is larger (see
+            `generalised_order`).
     """
 
     method: Method
@@ -91,6 +95,7 @@ class Report(NamedTuple):
     assumptions: Assumptions | None
     stability: dict[str, Any]
     rounded: RoundedOrder | None = None
+    generalised: Mapping[str, tuple[int, ...]] = MappingProxyType({})
 
     @property
     def _names(self) -> tuple[str, ...] | None:
@@ -121,6 +126,8 @@ class Report(NamedTuple):
         }
         if self.rounded is not None:
             data["rounded_order"] = self.rounded.to_dict()
+        if self.generalised:
+            data["generalised_orders"] = {part: list(orders) for part, orders in self.generalised.items()}
         if self.embedded_orders:
             data["embedded_orders"] = list(self.embedded_orders)
         verdicts = {
@@ -243,7 +250,16 @@ def check(method: Method | str, order: int | None = None) -> Report:
         simplifying_assumptions(method, 2 * method.stages + 1) if is_rational else None,
         tableau_properties(method) if is_tableau else {},
         hidden_order(method, found),
+        _generalised(method, found),
     )
+
+
+def _generalised(method: Method, order: int) -> dict[str, tuple[int, ...]]:
+    """The generalised orders of a splitting method that are larger than its order."""
+    if not is_product_of_two(method) or method.stages > MOST_STAGES:
+        return {}
+    found = zip(method.names, generalised_orders(method, order), strict=True)
+    return {part: orders for part, orders in found if len(orders) > 1}
 
 
 def structure_of(method: Method, order: int, accuracy: int) -> dict[str, Verdict | ConjugateVerdict]:
@@ -358,6 +374,8 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
     if report.rounded is not None:
         yield f"order to {report.rounded.digits} digits", str(report.rounded.order)
+    for part, orders in report.generalised.items():
+        yield f"generalised order for small {part}", f"({', '.join(map(str, orders))})"
     yield "order conditions tested", f"to {report.tested_to} nodes"
     if report.embedded_orders:
         yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))

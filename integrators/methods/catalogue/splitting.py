@@ -30,6 +30,10 @@ OKUNBOR_SKEEL = (
     "D. I. Okunbor, R. D. Skeel, J. Comput. Appl. Math. 51 (1994) 375–382, doi:10.1016/0377-0427(92)00119-T; "
     f"{MCLACHLAN}"
 )
+LASKAR_ROBUTEL = (
+    "J. Laskar, P. Robutel, Celest. Mech. Dyn. Astron. 80 (2001) 39–62, doi:10.1023/A:1012098603882; R. I. McLachlan, "
+    "BIT 35 (1995) 258–268, doi:10.1007/BF01737165"
+)
 BLANES_CASAS = "S. Blanes, F. Casas, A. Escorihuela-Tomàs (2022), doi:10.48550/arXiv.2202.01541"
 
 
@@ -56,6 +60,12 @@ def _symmetric(first: str, x: str, y: str, *, digits: int) -> Callable[..., Spli
     kind, parts = (Splitting, ("a", "b")) if first in "ab" else (NystromSplitting, ("p", "q"))
     (second,) = set(parts) - {first}
     return partial(kind, symmetric_flows(first, second, x, y), parts=parts, digits=digits)
+
+
+def _between(outer: str, inner: str) -> list[tuple[str, str]]:
+    """The flows a, b, a, …, b, a with these times."""
+    first, *others = (("a", time) for time in outer.split())
+    return [first, *(flow for b, a in zip(inner.split(), others, strict=True) for flow in (("b", b), a))]
 
 
 def _mclachlan4(*, name: str, reference: str) -> Splitting:
@@ -97,6 +107,22 @@ METHODS = (
         title="Ruth 3"),
     MethodEntry("mclachlan4", "splitting", 11, 4, "ten Lie-Trotter steps, every other one adjoint, with small errors",
         MCLACHLAN, _mclachlan4, title="McLachlan 4"),
+    MethodEntry("saba2", "splitting", 5, 2, "for perturbed systems, generalised order (4, 2): Gauss nodes for f^a",
+        LASKAR_ROBUTEL,
+        partial(Splitting, _between("1/2-sqrt(3)/6 sqrt(3)/3 1/2-sqrt(3)/6", "1/2 1/2")), title="SABA2"),
+    MethodEntry("saba3", "splitting", 7, 2, "for perturbed systems, generalised order (6, 2): Gauss nodes for f^a",
+        LASKAR_ROBUTEL,
+        partial(Splitting, _between("1/2-sqrt(15)/10 sqrt(15)/10 sqrt(15)/10 1/2-sqrt(15)/10", "5/18 4/9 5/18")),
+        title="SABA3"),
+    MethodEntry("aba864", "splitting", 15, 4,
+        "for perturbed systems, generalised order (8, 6, 4), as 40-digit decimals",
+        "S. Blanes, F. Casas, A. Farrés, J. Laskar, J. Makazaga, A. Murua, Appl. Numer. Math. 68 (2013) 58–72, "
+        "doi:10.1016/j.apnum.2013.01.003",
+        _symmetric("a",
+            "0.0711334264982231177779387300061549964174 0.241153427956640098736487795326289649618 "
+            "0.521411761772814789212136078067994229991",
+            "0.183083687472197221961703757166430291072 0.310782859898574869507522291054262796375 "
+            "-0.0265646185119588006972121379164987592663", digits=38), title="ABA(8,6,4)"),
     MethodEntry("pefrl4", "splitting", 9, 4,
         "Forest and Ruth's method with one more stage and smaller errors, as 16-digit decimals",
         "I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 146 (2002) 188–202, "
