@@ -6,6 +6,8 @@ from .modified_fields import series_map as series_map
 from .modified_invariants import ModifiedInvariant as ModifiedInvariant
 from .modified_invariants import divergence as divergence
 from .modified_invariants import modified_invariant as modified_invariant
+from .step_fields import observed_order as observed_order
+from .step_fields import step_field as step_field
 from .term_sizes import Reach as Reach
 from .term_sizes import TruncationWarning as TruncationWarning
 from .truncation import ConvergenceRadius as ConvergenceRadius
