@@ -105,7 +105,7 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
 
     @abstractmethod
     def rows(self, at: int) -> Iterable[tuple[int, int, int]]:
-        """The cuts (trunk, branch, multiplicity) of an element."""
+        """The cuts (trunk, branch, multiplicity) of an element, with multiplicities below 2^63."""
 
     @abstractmethod
     def element(self, at: int) -> Element:
@@ -159,7 +159,8 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
         """The number of nodes of every element."""
         import numpy as np
 
-        column = np.repeat(np.arange(1, self.max_order + 1, dtype=np.int8), self.sizes)
+        dtype = np.int8 if self.max_order < 128 else np.int32
+        column = np.repeat(np.arange(1, self.max_order + 1, dtype=dtype), self.sizes)
         column.flags.writeable = False
         return column
 
@@ -211,6 +212,11 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
         if "_complete" in self.__dict__:
             raise AttributeError(f"a basis is immutable: {name} cannot be set")
         super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        if "_complete" in self.__dict__:
+            raise AttributeError(f"a basis is immutable: {name} cannot be deleted")
+        super().__delattr__(name)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Basis) and type(self) is type(other) and self._key == other._key
