@@ -5,7 +5,9 @@ brackets of series on it need no more than the cuts, since
 
     (∂_b c)(τ) = c(∅) b(τ) + Σ multiplicity · c(trunk) b(branch)
 
-is the Lie derivative of the series c along the field b, a sum over the cuts of τ.
+is the Lie derivative of the series c along the field b, a sum over the cuts of τ. Compositions of series with integer
+coefficients must have integer coefficients: the claims on denominators rest on it (docs/exactness.md). Where they have
+not, other multiples of the elements have: bushes with n leaves, say, need the multiplicity n of the cut of a leaf.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from bseries.exact.arithmetic import Exact, prime_field
 from bseries.exact.domains import make_values
 from bseries.exact.recursions import lie_series
 from bseries.exact.residues import primes_beyond
+from bseries_base.lowering import flat_kernels
 from trees import Basis, TreeError, TreeTable, Words
 from trees.basis import Growth
 
@@ -200,7 +201,10 @@ class Ladders(Basis):
     def rows(self, at):
         return [(at - k, k - 1, 1) for k in range(1, at + 1)]
 
-    element = find = letters = read = text = latex = truncated = None
+    def element(self, at):
+        return at + 1
+
+    find = letters = read = text = latex = truncated = None
 
 
 def test_numbers_of_nodes_may_be_large(execution):
@@ -209,6 +213,27 @@ def test_numbers_of_nodes_may_be_large(execution):
     assert basis.order.tolist() == basis.orders
     field = Series(basis, make_values(basis, [1.0] * 300), 1).log()
     assert field.coefficients() == pytest.approx([1 / n for n in range(1, 301)], rel=1e-9)
+
+
+@pytest.mark.parametrize("basis", [BinaryTrees(5), Words(4, 3), TreeTable(4, 2), TreeTable(6)], ids=repr)
+def test_compositions_of_integers_are_integers(basis, monkeypatch):
+    """What the claims on denominators rest on; the interpreter checks them."""
+    monkeypatch.setattr(flat_kernels, "FEW_PRODUCTS", math.inf)
+    source = random.Random(3)
+    a, c = (Series.of(basis, lambda _: source.randint(-9, 9)) for _ in range(2))
+    assert all(x.denominator == 1 for x in bs.compose(a, c).coefficients())
+
+
+def test_elements_in_another_normalisation_are_refused():
+    """Bushes with n leaves without the n ways to cut one: powers of a(τ) over factorials."""
+
+    class Bushes(Ladders):
+        def rows(self, at):
+            return [(at - 1, 0, 1)] if at else []
+
+    a = Series.of(Bushes(3), lambda n: 1)
+    with pytest.raises(ArithmeticError, match="denominator bound is wrong: 7/2 is not an integer"):
+        bs.compose(a, a)
 
 
 def test_multiplicities_times_roots(execution):
