@@ -278,6 +278,8 @@ def test_errors_name_the_argument():
         bs.compose(some(Words(3), 1, 1), bs.series("rk4", 3))
     with pytest.raises(bs.SeriesError, match=r"method must be a method .* or a series on trees"):
         bs.analysis.accuracy(some(Words(3), 1, 1), 3)
+    with pytest.raises(bs.SeriesError, match=r"method must be a method .* or a series on trees"):
+        bs.modified_equation(some(Words(3), 1, 1))
     document = some(Words(2), 1, 1).to_dict()
     with pytest.raises(bs.SeriesError, match="basis must be words, or left out for trees, but was 'wordz'"):
         bs.load_series(json.dumps({**document, "basis": "wordz"}))
