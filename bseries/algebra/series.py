@@ -194,7 +194,8 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         if check_order(order) > self.order:
             raise SeriesError(f"order must be at most {self.order}, the order of the series, but was {order}")
         basis = self.basis.truncated(order)
-        return self._replace(basis=basis, stored=self.stored.truncated(basis))
+        errors = self.uncertainty and self.uncertainty.mapped(range(len(basis)))
+        return self._replace(basis=basis, stored=self.stored.truncated(basis), uncertainty=errors)
 
     def _replace(self, **changes: Any) -> Self:
         """The series with other values of some attributes."""
