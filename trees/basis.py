@@ -5,7 +5,9 @@ brackets of series on it need no more than the cuts, since
 
     (∂_b c)(τ) = c(∅) b(τ) + Σ multiplicity · c(trunk) b(branch)
 
-is the Lie derivative of the series c along the field b, a sum over the cuts of τ.
+is the Lie derivative of the series c along the field b, a sum over the cuts of τ. Compositions of series with integer
+coefficients must have integer coefficients: the claims on denominators rest on it (docs/exactness.md). Where they have
+not, other multiples of the elements have: bushes with n leaves, say, need the multiplicity n of the cut of a leaf.
 """
 
 from __future__ import annotations
@@ -105,7 +107,7 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
 
     @abstractmethod
     def rows(self, at: int) -> Iterable[tuple[int, int, int]]:
-        """The cuts (trunk, branch, multiplicity) of an element."""
+        """The cuts (trunk, branch, multiplicity) of an element, with multiplicities below 2^63."""
 
     @abstractmethod
     def element(self, at: int) -> Element:
@@ -159,7 +161,8 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
         """The number of nodes of every element."""
         import numpy as np
 
-        column = np.repeat(np.arange(1, self.max_order + 1, dtype=np.int8), self.sizes)
+        dtype = np.int8 if self.max_order < 128 else np.int32
+        column = np.repeat(np.arange(1, self.max_order + 1, dtype=dtype), self.sizes)
         column.flags.writeable = False
         return column
 
@@ -211,6 +214,11 @@ class Basis(Tabular, Sequence[Element], ABC, Generic[Element]):
         if "_complete" in self.__dict__:
             raise AttributeError(f"a basis is immutable: {name} cannot be set")
         super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        if "_complete" in self.__dict__:
+            raise AttributeError(f"a basis is immutable: {name} cannot be deleted")
+        super().__delattr__(name)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Basis) and type(self) is type(other) and self._key == other._key

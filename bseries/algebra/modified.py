@@ -150,9 +150,9 @@ def exact_values(basis: Basis[Any]) -> RationalValues:
 
 def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) -> Any:
     """The basis for the series of a method."""
+    colors = len(check_method(method).names)
     if order is None:
         raise SeriesError("order must be given for a method, but was None")
-    colors = len(check_method(method).names)
     if max_children is None and not isinstance(order, Basis):
         max_children = method.max_children
     if isinstance(order, Basis):

@@ -99,8 +99,10 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             names: Names of the letters, or colours.
 
         Raises:
-            SeriesError: A value is not a finite number or expression.
+            SeriesError: `basis` is none, or a value is not a finite number or expression.
         """
+        if not isinstance(basis, Basis):
+            raise SeriesError(f"basis must be a basis, such as trees.Words(3), but was {basis!r:.60}")
         return cls(basis, make_values(basis, map(rule, basis)), exact_number(empty), names=names)
 
     @property
@@ -192,7 +194,8 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         if check_order(order) > self.order:
             raise SeriesError(f"order must be at most {self.order}, the order of the series, but was {order}")
         basis = self.basis.truncated(order)
-        return self._replace(basis=basis, stored=self.stored.truncated(basis))
+        errors = self.uncertainty and self.uncertainty.mapped(range(len(basis)))
+        return self._replace(basis=basis, stored=self.stored.truncated(basis), uncertainty=errors)
 
     def _replace(self, **changes: Any) -> Self:
         """The series with other values of some attributes."""
@@ -218,7 +221,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
         """
         return self._replace(stored=as_floats(self.stored))
 
-    def check_same_basis(self, other: Self) -> None:
+    def check_same_basis(self, other: Series) -> None:
         """Raise a SeriesError unless the other series has the same basis."""
         if self.basis != other.basis:
             raise SeriesError(
@@ -229,7 +232,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             raise SeriesError(f"both series must name their colours alike, but have {self.names} and {other.names}")
 
     def _combine(self, other: object, function: Callable[[Any, Any], Any]) -> Any:
-        if not isinstance(other, type(self)):
+        if not isinstance(other, Series):
             return NotImplemented
         self.check_same_basis(other)
         return self._with_numbers(map(function, self._numbers(), other._numbers()), fewest_digits(self, other))

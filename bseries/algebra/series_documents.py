@@ -97,7 +97,7 @@ def _read(data: Mapping[str, Any]) -> Any:
         text = term.get(what, "")
         if not isinstance(text, str):
             raise SeriesError(f"{what} must be text, but was {shown(text)}")
-        at = basis.index(basis.read(text, names if len(names) > 1 else None))
+        at = basis.index(basis.read(text, names if any(basis.names) else None))
         if at in known:
             raise SeriesError(f"terms must have each {what} once, but had {shorten(text)} twice")
         known.add(at)

@@ -20,6 +20,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
+from itertools import accumulate
+from operator import mul
 from typing import Any, TypeAlias
 
 from bseries.exact import domains, lie, powers, recursions, stage_sizes
@@ -468,7 +470,8 @@ class FlowChain:
         arithmetic = domains.interpreted(self)
         found = arithmetic.vector([1] + [0] * len(words))  # n! L^n times the values, that of the empty word first
         for part, time in zip(self.parts, self.times, strict=True):
-            powers = arithmetic.vector([(time * self.denominator) ** k for k in range(words.max_order + 1)])
+            factors = [1] + [time * self.denominator] * words.max_order
+            powers = arithmetic.vector([*accumulate(factors, mul)])  # not by **: SymPy has no 0**0 in some fields
             for n, k, longer, rest in words.prefixes(part):
                 factor = math.comb(n, k) * powers[k]
                 found[longer] = [x + factor * y for x, y in zip(found[longer], found[rest], strict=True)]

@@ -48,7 +48,7 @@ class Exact:
 
     def indices(self, numbers: Sequence[int]) -> Any:
         """A vector of indices."""
-        return list(numbers)
+        return list(map(int, numbers))  # not NumPy's, which take numbers of flint for arrays
 
     def columns(self, table: TreeTable) -> tuple[Any, Any, Any, Any]:
         """Order, colour, left and right of every tree, as the kernels expect them."""
@@ -119,7 +119,7 @@ class Compiled(Exact):
 
     def orders(self, basis: Basis[Any]) -> Any:
         """The number of nodes of every element, as an unsigned array, which kernels index without testing the sign."""
-        return basis.order.view("u1")
+        return basis.order.view(f"u{basis.order.itemsize}")
 
     def ids(self, columns: Iterable[Any]) -> tuple[Any, ...]:
         """Columns of ids as arrays: where each tree begins, then ids, of the types in compiled tables."""

@@ -57,7 +57,7 @@ class Stages:
     def then(self, other: Stages) -> Stages:
         """The stages of the method that takes a step of this one, then one of the other."""
         units, rows, weights = set(other.ends), list[Any](), list[Any]()
-        for color in range(len(self.b) // self.size):
+        for color in range((len(self.b) + len(other.b)) // max(self.size + other.size, 1)):
             b = self.b[color * self.size : (color + 1) * self.size]
             rows += [x for row in self._rows(color) for x in (*row, *[0] * other.size)]
             rows += [
@@ -70,7 +70,7 @@ class Stages:
     def inverse(self) -> Stages:
         """The stages of the inverse map: A − 1 bᵀ and −b."""
         units, rows = set(self.ends), list[Any]()
-        for color in range(len(self.b) // self.size):
+        for color in range(len(self.b) // max(self.size, 1)):
             b = self.b[color * self.size : (color + 1) * self.size]
             for i, row in enumerate(self._rows(color)):
                 rows += [x - y for x, y in zip(row, b, strict=True)] if i in units else row

@@ -10,8 +10,10 @@ import pytest
 import bseries as bs
 from bseries.algebra import Series, bracket, lie_derivative
 from bseries.exact.arithmetic import Exact, prime_field
+from bseries.exact.domains import make_values
 from bseries.exact.recursions import lie_series
 from bseries.exact.residues import primes_beyond
+from bseries_base.lowering import flat_kernels
 from trees import Basis, TreeError, TreeTable, Words
 from trees.basis import Growth
 
@@ -188,7 +190,78 @@ def test_multiplicities_and_many_rows_are_reduced_modulo_a_prime():
         assert (Fraction(x).numerator - int(residue) * Fraction(x).denominator) % prime == 0
 
 
+class Ladders(Basis):
+    """One element for each number of nodes: power series."""
+
+    what, growth = "ladders", Growth(lambda n, k: 1, lambda n: n - 1, lambda n: n + 1)
+
+    def __init__(self, order):
+        self.max_order, self.colors, self.sizes = order, 1, [1] * order
+
+    def rows(self, at):
+        return [(at - k, k - 1, 1) for k in range(1, at + 1)]
+
+    def element(self, at):
+        return at + 1
+
+    find = letters = read = text = latex = truncated = None
+
+
+def test_numbers_of_nodes_may_be_large(execution):
+    """1/(1 − x) has the logarithm Σ x^n/n: numbers of nodes do not wrap around in arrays of bytes."""
+    basis = Ladders(300)
+    assert basis.order.tolist() == basis.orders
+    field = Series(basis, make_values(basis, [1.0] * 300), 1).log()
+    assert field.coefficients() == pytest.approx([1 / n for n in range(1, 301)], rel=1e-9)
+
+
+@pytest.mark.parametrize("basis", [BinaryTrees(5), Words(4, 3), TreeTable(4, 2), TreeTable(6)], ids=repr)
+def test_compositions_of_integers_are_integers(basis, monkeypatch):
+    """What the claims on denominators rest on; the interpreter checks them."""
+    monkeypatch.setattr(flat_kernels, "FEW_PRODUCTS", math.inf)
+    source = random.Random(3)
+    a, c = (Series.of(basis, lambda _: source.randint(-9, 9)) for _ in range(2))
+    assert all(x.denominator == 1 for x in bs.compose(a, c).coefficients())
+
+
+def test_elements_in_another_normalisation_are_refused():
+    """Bushes with n leaves without the n ways to cut one: powers of a(τ) over factorials."""
+
+    class Bushes(Ladders):
+        def rows(self, at):
+            return [(at - 1, 0, 1)] if at else []
+
+    a = Series.of(Bushes(3), lambda n: 1)
+    with pytest.raises(ArithmeticError, match="denominator bound is wrong: 7/2 is not an integer"):
+        bs.compose(a, a)
+
+
+def test_multiplicities_times_roots(execution):
+    root = pytest.importorskip("sympy").sqrt(2)
+    plain = some(BinaryTrees(4), 1, 0)
+    assert (plain * root).scale_step(root).exp() == (plain * root).exp().scale_step(root)
+    assert (plain * root).exp().log() == plain * root
+
+
+def test_sums_of_series_on_trees_need_not_be_of_one_class():
+    table = TreeTable(3)
+    plain, method = Series.of(table, lambda tree: tree.order), bs.series("rk4", 3)
+    assert plain + method == method + plain == method - (-1) * plain
+    assert bracket(plain.log(), method.log()) == -bracket(method.log(), plain.log())
+
+
+@pytest.mark.parametrize("times", [[0, "g", 1, "1-g", 0], [0, "g*sqrt(2)", 1, "1-g*sqrt(2)"]])
+def test_flows_over_no_time_among_symbols(times):
+    method = bs.Splitting(list(zip("babab", times, strict=False)), parameters=["g"])
+    tall = bs.series(method, TreeTable(4, 2, 1))
+    words = bs.series(method, Words(4))
+    assert all(words[tree.colors] == value for tree, value in tall.items())
+    assert bs.order_of(method, 4) == bs.order_of(bs.series(method, 4)) == 1
+
+
 def test_errors_name_the_argument():
+    with pytest.raises(bs.SeriesError, match=r"basis must be a basis, such as trees\.Words\(3\), but was 3"):
+        Series.of(3, lambda word: 1)
     with pytest.raises(TreeError, match="text must be letters among p, q, with spaces between, but was 'p r'"):
         Words(3).read("p r")
     with pytest.raises(TreeError, match="word must be one of the 14 words of the table Words"):
@@ -205,6 +278,8 @@ def test_errors_name_the_argument():
         bs.compose(some(Words(3), 1, 1), bs.series("rk4", 3))
     with pytest.raises(bs.SeriesError, match=r"method must be a method .* or a series on trees"):
         bs.analysis.accuracy(some(Words(3), 1, 1), 3)
+    with pytest.raises(bs.SeriesError, match=r"method must be a method .* or a series on trees"):
+        bs.modified_equation(some(Words(3), 1, 1))
     document = some(Words(2), 1, 1).to_dict()
     with pytest.raises(bs.SeriesError, match="basis must be words, or left out for trees, but was 'wordz'"):
         bs.load_series(json.dumps({**document, "basis": "wordz"}))
@@ -217,12 +292,15 @@ def test_words_are_immutable_and_equal_letters_are_equal_words():
     words = Words(3)
     with pytest.raises(AttributeError, match="immutable"):
         words.max_order = 2
+    with pytest.raises(AttributeError, match="immutable: sizes cannot be deleted"):
+        del words.sizes
     assert [words.find(word) for word in ((0.0,), (True, 0.0), (0.5,))] == [0, words.index("q p"), -1]
     assert some(words, 1, 1)[(0.0, 1.0)] == some(words, 1, 1)["p q"]
 
 
 def test_documents_of_series_on_words_are_read_back():
-    for s in (bs.series("strang", Words(4)), some(Words(3, 3), 9, 0), bs.series("mclachlan4", Words(3))):
+    one = Series.of(Words(3, 1), len, names=["x"])
+    for s in (bs.series("strang", Words(4)), some(Words(3, 3), 9, 0), bs.series("mclachlan4", Words(3)), one):
         text = json.dumps(s.to_dict())
         again = bs.load_series(text)
         assert (type(again), again) == (Series, s)

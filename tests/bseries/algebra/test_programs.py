@@ -237,3 +237,11 @@ def test_too_many_components_are_refused():
     method = builder.program(y + builder.field(builder.y))
     with pytest.raises(bs.errors, match=r"method must have at most 1000 stages, .* but has 1201"):
         bs.series(method, 10)
+
+
+def test_the_method_that_takes_no_step():
+    builder = ProgramBuilder()
+    none, rk4 = bs.series(builder.program(builder.y), 5), bs.series("rk4", 5)
+    assert none.inverse() == none**3 == bs.compose(none, none) == none.adjoint() == none
+    assert bs.compose(none, rk4) == bs.compose(rk4, none) == rk4
+    assert bs.compose(none, rk4).log() == bs.compose(rk4, none).log() == rk4.log()

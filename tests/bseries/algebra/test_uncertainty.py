@@ -13,7 +13,7 @@ from integrators import PartitionedRungeKutta, RungeKutta, Splitting
 from integrators.exact.entries import half_unit
 from integrators.methods.kinds.extended_runge_kutta import Rosenbrock
 from integrators.methods.kinds.second_order import RungeKuttaNystrom
-from trees.words import Words
+from trees import TreeTable, Words
 
 DIGITS = 40
 TSIT5 = bs.method("tsit5")
@@ -163,3 +163,14 @@ def test_changes_of_conjugated_fields_are_those_of_exact_changes():
     quotient = [float((x - y) / (2 * step)) for x, y in zip(exact(step), exact(-step), strict=True)]
     assert found[:, 1] == pytest.approx(quotient, rel=1e-10)
     assert any(abs(x) > 1 for x in found[4:, 1] - dual[0][4:, 1])
+
+
+@pytest.mark.parametrize("basis", [TreeTable(4, 2), Words(4)], ids=repr)
+def test_logarithms_of_shortened_series_have_the_same_uncertainties(basis):
+    method = bs.Splitting([("a", "0.2929"), ("b", "0.5"), ("a", "0.4142"), ("b", "0.5"), ("a", "0.2929")], digits=4)
+    s = bs.series(method, basis)
+    short, whole = s.truncate(3).log(), s.log()
+    assert [short.uncertainty(at) for at in range(len(short))] == pytest.approx(
+        [whole.uncertainty(at) for at in range(len(short))], rel=1e-12
+    )
+    assert short.uncertainty(len(short) - 1) > 0
