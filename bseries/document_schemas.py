@@ -7,7 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 from bseries.exceptions import SeriesError
-from integrators.core.errors import shown, suggestion
+from bseries_base.errors import shown, suggestion
 
 FILE = "documents.schema.json"
 SHARED = "shared-"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bseries_base.formulas import formula_text
 from bseries_base.table import Column, Table
-from integrators.exact.arithmetic import MOST_DEGREE
+from integrators.exact.arithmetic import FLOATS
 from integrators.scenes.scene import latex_formula
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ LINE = 120
 MOST_VARIABLES = 12
 SHORT = 1_000
 """Displays write formulas out on scenes of at most so many variables, and stop after this many characters."""
-FLOATS = f"the tableau holds floats, or roots within roots of a degree above {MOST_DEGREE}"
-"""Why coefficients may be floats."""
 ENERGY = r"\widetilde{H}"
 
 

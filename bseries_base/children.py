@@ -48,7 +48,7 @@ class _Process(SpawnProcess):
     """A process that is started in this way."""
 
     @staticmethod
-    def _Popen(process_obj: Any) -> Any:
+    def _Popen(process_obj: SpawnProcess) -> object:  # type: ignore[override]
         with safe_path(), uninterrupted():
             return SpawnProcess._Popen(process_obj)  # type: ignore[attr-defined]
 
@@ -60,10 +60,10 @@ class Children(SpawnContext):
     """
 
     def __init__(self) -> None:
-        self._started: list[Any] = []
+        self._started: list[_Process] = []
         start_tracker()
 
-    def Process(self, *arguments: Any, **options: Any) -> Any:  # type: ignore[override]
+    def Process(self, *arguments: Any, **options: Any) -> _Process:  # type: ignore[override]
         """A process of this context."""
         made = _Process(*arguments, **options)
         self._started.append(made)

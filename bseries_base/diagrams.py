@@ -6,11 +6,14 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from bseries_base.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Style
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.legend import Legend
+    from numpy.typing import ArrayLike
 
 COLOURS = (BLUE, ORANGE, BLACK, VERMILION, SKY, GREEN, PURPLE)
 """Colours of curves; consecutive ones also differ in greyscale."""
@@ -21,13 +24,13 @@ SHADE = "#c6dbef"
 """Colour of regions, light enough for lines and text on it."""
 MANY = 10_000
 """Curves with more points are stored as images in PDF and SVG."""
-OVER_DATA: dict[str, Any] = {"loc": "best", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+OVER_DATA: Style = {"loc": "best", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
 """Style of a legend inside the axes; curves do not cross its text."""
 BAR = 0.6
 """Thickness of a bar, as a fraction of the distance between bars."""
 
 
-def line_style(k: int) -> dict[str, Any]:
+def line_style(k: int) -> Style:
     """Colour and dashes of the k-th curve.
 
     Example:
@@ -38,7 +41,13 @@ def line_style(k: int) -> dict[str, Any]:
 
 
 def draw_curves(
-    ax: Axes, x: Any, curves: Mapping[str, Any], *, first: int = 0, points: bool = False, **style: Any
+    ax: Axes,
+    x: ArrayLike,
+    curves: Mapping[str, Sequence[float] | np.ndarray],
+    *,
+    first: int = 0,
+    points: bool = False,
+    **style: Any,
 ) -> None:
     """Draw curves over x, or only their points, after `first` others; with a legend if there are several."""
     for k, (name, y) in enumerate(curves.items(), first):
@@ -75,15 +84,15 @@ def axis_label(name: str, change: bool = False) -> str:
     return f"${symbol} - {symbol}(0)$" if change else f"${symbol}$"
 
 
-def draw_band(ax: Axes, x: Any, low: Any, high: Any, label: str, color: str = SHADE) -> None:
+def draw_band(ax: Axes, x: ArrayLike, low: ArrayLike, high: ArrayLike, label: str, color: str = SHADE) -> None:
     """Shade the region between two curves."""
     ax.fill_between(x, low, high, color=color, linewidth=0, label=label, zorder=0)
 
 
-def draw_legend(ax: Axes, handles: Sequence[Any] | None = None, **options: Any) -> Any:
+def draw_legend(ax: Axes, handles: Sequence[Artist] | None = None, **options: Any) -> Legend:
     """Draw a legend to the right of the axes, or inside them if the layout of the figure leaves no room."""
-    managed: Any = ax.figure
     outside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5), "frameon": False}
+    managed: Any = ax.figure
     place = OVER_DATA if managed.get_layout_engine() is None else outside
     chosen = {} if handles is None else {"handles": handles}
     return ax.legend(**place, **chosen, **options)
@@ -109,7 +118,9 @@ def draw_levels(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, coun
     ax.contour(x, y, finite, levels=levels, colors=[GREY], linewidths=0.8, linestyles="solid")
 
 
-def draw_bars(ax: Axes, names: Iterable[str], values: Sequence[float], errors: Any = None, **style: Any) -> None:
+def draw_bars(
+    ax: Axes, names: Iterable[str], values: Sequence[float], errors: ArrayLike | None = None, **style: Any
+) -> None:
     """Draw horizontal bars with their names, the first one on top."""
     places = range(len(values))
     whiskers = {} if errors is None else {"xerr": errors, "error_kw": {"linewidth": 0.8, "capsize": 2}}

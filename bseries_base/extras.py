@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 EXTRAS = {
@@ -17,7 +18,7 @@ class MissingPackage(ImportError):
     """An optional package is not installed."""
 
 
-def optional_module(module: str, user: str) -> Any:
+def optional_module(module: str, user: str) -> ModuleType:
     """Import a module of an optional package, or raise MissingPackage and say what needs it and how to install it.
 
     Example:
@@ -38,7 +39,7 @@ def missing_package(package: str, user: str, error: ImportError) -> MissingPacka
     return MissingPackage(f"{user} needs {package}: {command} ({error})")
 
 
-def loaded_module(module: str) -> Any:
+def loaded_module(module: str) -> ModuleType | None:
     """A module that has been imported, else None; while another thread imports it, `sys.modules` has a part of it.
 
     Example:

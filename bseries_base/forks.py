@@ -12,11 +12,10 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from functools import cached_property
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 OWN = frozenset({"bseries", "bseries_base", "integrators", "trees"})
 PACKAGES = OWN | {"llvmlite", "mpmath", "numba", "numpy", "sympy"}
@@ -56,7 +55,7 @@ def _wait() -> None:
                 return
 
 
-def _locks() -> Iterator[Any]:
+def _locks() -> Iterator[AbstractContextManager[object]]:
     """The locks, in the order in which other threads take them."""
     yield MODULES
     if "numba.core.compiler_lock" in sys.modules:

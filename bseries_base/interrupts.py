@@ -10,12 +10,13 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import Executor
+from contextlib import _GeneratorContextManager, contextmanager
 from types import FrameType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
-Handler = Callable[[int, FrameType | None], Any]
+Handler = Callable[[int, FrameType | None], object]
 
 SOON = 0.01
 """Seconds until an interrupt comes again that has come too early."""
@@ -72,7 +73,7 @@ def uninterrupted() -> Iterator[None]:
             signal.raise_signal(signal.SIGINT)
 
 
-def outside_llvmlite() -> Any:
+def outside_llvmlite() -> _GeneratorContextManager[None]:
     """Let interrupts in this block come where llvmlite is not being run."""
 
     def handle(before: Handler) -> Handler:
@@ -81,7 +82,7 @@ def outside_llvmlite() -> Any:
     return _handling(handle)
 
 
-def mapped(pool: Any, function: Callable[..., T], *arguments: Iterable[Any]) -> Generator[T, None, None]:
+def mapped(pool: Executor, function: Callable[..., T], *arguments: Iterable[object]) -> Generator[T, None, None]:
     """The results of a pool of threads or processes, which are started without interrupts."""
     with uninterrupted():
-        return pool.map(function, *arguments)
+        return pool.map(function, *arguments)  # pyright: ignore[reportReturnType] (a generator)

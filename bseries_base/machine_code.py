@@ -30,10 +30,16 @@ from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
-from typing import Any, NamedTuple
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bseries_base.interrupts import outside_llvmlite
+
+if TYPE_CHECKING:
+    from numba.core.ccallback import CFunc
+    from numba.core.codegen import JITCPUCodegen
+    from numba.core.compiler import CompileResult
+    from numba.core.cpu import CPUContext
 
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
@@ -44,7 +50,12 @@ _compiling: set[object] = set()
 """The functions, by their caches or keys, that are being compiled."""
 
 
-def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
+Compiled: TypeAlias = Callable[..., Any]
+"""A function that numba has compiled, or will compile, for the types of each call."""
+Decorator: TypeAlias = Callable[[Callable[..., object]], Compiled]
+
+
+def njit(signature: object = None, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Decorator:
     """`numba.njit` with cached machine code, for a signature or for the types of each call.
 
     `sources` are modules or files, besides that of the function, on which the code depends.
@@ -57,7 +68,7 @@ def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **
         inf
     """
 
-    def decorate(function: Any) -> Any:
+    def decorate(function: Callable[..., object]) -> Compiled:
         import numba
 
         dispatcher: Any = numba.njit(**options)(function)
@@ -70,7 +81,9 @@ def njit(signature: Any = None, *, sources: Iterable[ModuleType | Path] = (), **
     return decorate
 
 
-def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **options: Any) -> Callable[[Any], Any]:
+def cfunc(
+    signature: object, *, sources: Iterable[ModuleType | Path] = (), **options: object
+) -> Callable[[FunctionType], CFunc]:
     """`numba.cfunc` with cached machine code; the arguments are those of `njit`.
 
     Example:
@@ -81,12 +94,12 @@ def cfunc(signature: Any, *, sources: Iterable[ModuleType | Path] = (), **option
         1.5
     """
 
-    def decorate(function: Any) -> Any:
+    def decorate(function: FunctionType) -> CFunc:
         from numba.core.ccallback import CFunc
         from numba.core.sigutils import normalize_signature
 
-        made: Any = CFunc(function, normalize_signature(signature), {}, options)
-        made._cache = _Cache(function, sources, "cfunc", options)
+        made = CFunc(function, normalize_signature(signature), {}, options)
+        made._cache = _Cache(function, sources, "cfunc", options)  # type: ignore[attr-defined]
         made.compile()
         return made
 
@@ -132,7 +145,7 @@ def package_version(package: str = PACKAGE) -> str:
 class _Cache:
     """The cache of one function, with the interface that numba expects."""
 
-    def __init__(self, function: Any, sources: Iterable[ModuleType | Path], *options: Any):
+    def __init__(self, function: Callable[..., object], sources: Iterable[ModuleType | Path], *options: object):
         self._function, self._options = function, options
         self._sources = [Path(str(getattr(source, "__file__", source))) for source in sources]
 
@@ -141,7 +154,7 @@ class _Cache:
         """The path in numba's statistics."""
         return str(cache_directory())
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
+    def load_overload(self, signature: object, target: CPUContext) -> CompileResult | None:
         """The cached code for a signature; None if there is none."""
         from numba.core.runtime.nrt import rtsys
 
@@ -151,7 +164,7 @@ class _Cache:
             _compiling.add(self)
         return found
 
-    def _load(self, signature: Any, target: Any) -> Any:
+    def _load(self, signature: object, target: CPUContext) -> CompileResult | None:
         """The code in the file for a signature; None without a file that can be trusted."""
         from numba.core.compiler import CompileResult
 
@@ -164,7 +177,7 @@ class _Cache:
         except Exception:  # unreadable files are made again
             return None
 
-    def save_overload(self, signature: Any, result: Any) -> None:
+    def save_overload(self, signature: object, result: CompileResult) -> None:
         """Write compiled code to the cache, unless it contains addresses of this process."""
         from numba.core.serialize import dumps
 
@@ -173,7 +186,7 @@ class _Cache:
         if path is not None and not result.library.has_dynamic_globals:
             _keep(path, dumps((signature, result._reduce())))
 
-    def _path(self, signature: Any, codegen: Any) -> Path | None:
+    def _path(self, signature: object, codegen: JITCPUCodegen) -> Path | None:
         """The file; None without a home, or if the source text is not available."""
         import numba
         from numba.core.serialize import dumps
@@ -229,10 +242,10 @@ class MachineCode:
         for name, value in code.objects.items():
             ctypes.c_void_p.from_address(self._loader.get_global_value_address(name)).value = id(value)
 
-    def function(self, prototype: Any) -> Any:
+    def function(self, prototype: type[ctypes._CFunctionType]) -> ctypes._CFunctionType:
         """The function for calls from Python, of a type made by `ctypes.CFUNCTYPE`; it keeps the machine code."""
         made = prototype(self.address)
-        made.code = self
+        made.code = self  # type: ignore[attr-defined]
         return made
 
 
@@ -279,13 +292,21 @@ def _object_path(key: str) -> Path | None:
 
 
 @cache
-def surroundings() -> tuple[Any, ...]:
+def surroundings() -> tuple[object, ...]:
     """The processor, the versions and numba's settings, on which all object code depends."""
+    import llvmlite
     from llvmlite import binding
 
     processor = binding.get_process_triple(), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
     settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_"))
-    return processor, settings, *map(package_version, (PACKAGE, "numba", "llvmlite")), sys.implementation.cache_tag
+    return processor, settings, _version_of_numba(), llvmlite.__version__, sys.implementation.cache_tag
+
+
+def _version_of_numba() -> bytes | str:
+    """The file with numba's version, which is read in a hundredth of the time of `package_version`."""
+    with suppress(OSError):
+        return Path(str(getattr(find_spec("numba"), "origin", ""))).with_name("_version.py").read_bytes()
+    return package_version("numba")
 
 
 def _name(parts: Iterable[bytes]) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from decimal import Context, Decimal
 from fractions import Fraction
-from typing import Any
+from typing import SupportsFloat
 
 
-def number_text(value: Any, digits: int | None = None, *, is_zero: bool = False) -> str:
+def number_text(value: object, digits: int | None = None, *, is_zero: bool = False) -> str:
     """A number as text; a fraction is rounded if `digits` of it are known, and 0 if it is zero within them.
 
     Example:
@@ -25,7 +25,7 @@ def number_text(value: Any, digits: int | None = None, *, is_zero: bool = False)
     return f"{rounded:e}" if rounded.adjusted() < -4 else str(rounded)
 
 
-def latex_number(value: Any, digits: int | None = None, *, is_zero: bool = False) -> str:
+def latex_number(value: object, digits: int | None = None, *, is_zero: bool = False) -> str:
     r"""A number or a SymPy expression as LaTeX; see `number_text`.
 
     Example:
@@ -43,6 +43,6 @@ def latex_number(value: Any, digits: int | None = None, *, is_zero: bool = False
     return sympy.latex(value)
 
 
-def finite_or_none(value: Any) -> float | None:
+def finite_or_none(value: SupportsFloat) -> float | None:
     """A number for a table: None if it is not finite, for which JSON has no number."""
     return float(value) if math.isfinite(value) else None

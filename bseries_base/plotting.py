@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries_base.extras import optional_module
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FORMATS: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+Style: TypeAlias = dict[str, Any]  # options of matplotlib, of many types
+
+FORMATS: dict[str, Style] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """Formats, with the metadata to remove so that files are reproducible."""
 
 
@@ -89,7 +91,7 @@ CENTIMETRE = 1 / 2.54
 DOTS = 300
 """Dots per inch in print."""
 
-SETTINGS: dict[str, Any] = {
+SETTINGS: Style = {
     "font.size": 8,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
@@ -157,7 +159,7 @@ def drawing(
         return
     with print_style():
         figure = new_figure(size)
-        place: Any = {"axes_class": _print_axes()}
+        place: Style = {"axes_class": _print_axes()}
         if not frame:
             figure.set_layout_engine("none")
         axes = figure.add_subplot(**place) if frame else figure.add_axes((0, 0, 1, 1), **place)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import partial
 from itertools import islice
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 from unicodedata import decomposition
 from unicodedata import name as unicode_name
 
@@ -19,6 +19,8 @@ from bseries_base.formulas import formula_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+T = TypeVar("T")
 
 GAP = "  "
 LEAST_WIDTH = 8
@@ -39,6 +41,11 @@ _GREEK_NAMES = {"lamda": r"\lambda", "omicron": "o", "final sigma": r"\varsigma"
 _RAISED = {"<super>": "^", "<sub>": "_"}
 
 
+Document: TypeAlias = dict[str, Any]
+"""An object of JSON or TOML."""
+Row: TypeAlias = Any  # whatever the columns of its table accept
+
+
 class Column(NamedTuple):
     """A column of a table.
 
@@ -49,18 +56,18 @@ class Column(NamedTuple):
 
     heading: str
     right: bool = False  # whether the cells are numbers, aligned at the right
-    get: Callable[[Any], object] | None = None
-    latex: Callable[[Any], str] | None = None
-    html: Callable[[Any], str] | None = None
+    get: Callable[[Row], object] | None = None
+    latex: Callable[[Row], str] | None = None
+    html: Callable[[Row], str] | None = None
 
 
-class LazyRows(Collection[Any]):
+class LazyRows(Collection[Row]):
     """Rows computed by each iteration; `count` is their number, or a bound on it."""
 
-    def __init__(self, make: Callable[[], Iterable[Any]], count: int):
+    def __init__(self, make: Callable[[], Iterable[Row]], count: int):
         self._make, self._count = make, count
 
-    def __iter__(self) -> Iterator[Any]:
+    def __iter__(self) -> Iterator[Row]:
         return iter(self._make())
 
     def __len__(self) -> int:
@@ -93,16 +100,16 @@ class Table(NamedTuple):
 
     title: str  # one line
     columns: Sequence[Column]
-    rows: Collection[Any]  # of any type that the columns accept
+    rows: Collection[Row]
     notes: Sequence[str] = ()  # sentences below the rows
-    data: Callable[[], Mapping[str, Any]] = dict  # makes the JSON document
+    data: Callable[[], Document] = dict  # makes the JSON document
     items: str = ""  # the key of the list in `data` that has one item to a line
-    section: Callable[[Any], object] | None = None  # a value of a row
+    section: Callable[[Row], object] | None = None  # a value of a row
     records: Table | None = None  # the table for CSV, if it differs: all rows, with all digits
     own: Mapping[str, Callable[[int | None], str]] = {}  # replace the writers of formats
     titled: bool = True  # whether text begins with the title
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Cells, data and texts in place of the functions that make them, most of which cannot be pickled."""
         columns = list(zip(self.columns, _getters(self), strict=True))
         rows = [
@@ -138,7 +145,7 @@ class Table(NamedTuple):
             self.titled,
         )
 
-    def extended(self, notes: Iterable[str] = (), **data: Any) -> Table:
+    def extended(self, notes: Iterable[str] = (), **data: object) -> Table:
         """The table with further notes, and further entries of the JSON document."""
         return self._replace(notes=[*self.notes, *notes], data=lambda: {**self.data(), **data})
 
@@ -190,17 +197,25 @@ class Table(NamedTuple):
         return self.head().to_html()
 
 
-def as_text(self: Any) -> str:
+class HasTable(Protocol):
+    """A result that has a table."""
+
+    def to_table(self) -> Table:
+        """The table."""
+        ...
+
+
+def as_text(self: HasTable) -> str:
     """The first rows of a result that has a table, as text."""
     return self.to_table().head().to_text(PRINT_WIDTH)
 
 
-def as_html(self: Any) -> str:
+def as_html(self: HasTable) -> str:
     """The first rows of a result that has a table, as HTML."""
     return self.to_table().head().to_html()
 
 
-def as_frame(self: Any) -> DataFrame:
+def as_frame(self: HasTable) -> DataFrame:
     """The rows of a result that has a table, as a ``pandas.DataFrame``."""
     return self.to_table().to_pandas()
 
@@ -325,16 +340,16 @@ FORMATS = {
 """The formats by their names; "table" is text."""
 
 
-def _part(kind: int, k: int, row: Sequence[Any]) -> Any:
+def _part(kind: int, k: int, row: Row) -> Any:
     """The value, the LaTeX or the HTML of a cell in a row that was made for pickling."""
     return row[kind][k]
 
 
-def _given(value: Any, _width: int | None = None) -> Any:
+def _given(value: T, _width: int | None = None) -> T:
     return value
 
 
-def listed(columns: Iterable[tuple[str, Callable[[Any], object]]], rows: Collection[Any]) -> Table:
+def listed(columns: Iterable[tuple[str, Callable[[Row], object]]], rows: Collection[Row]) -> Table:
     """Records for CSV: headings with the values of a row."""
     return Table("", [Column(heading, get=get) for heading, get in columns], rows)
 
@@ -348,7 +363,7 @@ def cell_text(value: object) -> str:
     return "" if value is None else formula_text(value)
 
 
-def _getters(table: Table) -> list[Callable[[Any], object]]:
+def _getters(table: Table) -> list[Callable[[Row], object]]:
     return [itemgetter(k) if column.get is None else column.get for k, column in enumerate(table.columns)]
 
 
@@ -358,7 +373,7 @@ def _cells(table: Table) -> Iterator[list[str]]:
     return ([cell_text(get(row)) for get in gets] for row in table.rows)
 
 
-def _written(get: Callable[[Any], object], escaped: Callable[[str], str]) -> Callable[[Any], str]:
+def _written(get: Callable[[Row], object], escaped: Callable[[str], str]) -> Callable[[Row], str]:
     return lambda row: escaped(cell_text(get(row)))
 
 

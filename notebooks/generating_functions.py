@@ -30,6 +30,7 @@ import sympy
 from matplotlib import pyplot
 
 import bseries as bs
+from bseries.course.field_nijhoff import field_nijhoff
 
 BLUE, ORANGE, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "#000000"  # told apart by all (Okabe, Ito)
 p, q, h = sympy.symbols("p q h")
@@ -141,7 +142,7 @@ assert np.allclose(1 + run.y[0], (1 + run.y[0, 0]) * factor ** np.arange(51), rt
 # %%
 energy, I = bs.modified_hamiltonian(euler, scene, 10), (1 + p) * (1 + q)  # noqa: E741
 assert all(sympy.simplify(energy.symbolic(k) * k * (k + 1) * I**k) == -1 for k in range(1, 10))
-closed = bs.hamiltonians.closed_hamiltonian(euler, scene)
+closed = field_nijhoff("p", scene)
 assert sympy.simplify(closed.radius - I) == 0
 print(closed)
 

@@ -87,7 +87,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Reach": lambda: bs.fields.reach(field("pendulum"), [0.0, 1.0], 0.1),
     "SceneSeries": field,
     "BracketSeries": lambda: bs.bch(10),
-    "ClosedHamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff"),
+    "ClosedHamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "harmonic-oscillator"),
     "CoordinateChange": lambda: bs.hamiltonians.CoordinateChange(*SHEAR),
     "DriftReport": lambda: bs.energy_drift(
         "simplified-takahashi-imada", bs.scene("pendulum", effects=["asymmetry"]), **DRIFT

@@ -17,7 +17,7 @@ METHODS = {
     "bracket_hamiltonian": "strang", "closed_hamiltonian": "symplectic-euler-p", "generating_function": "gauss2",
     "modified_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33", "scipy_solver": "tsit5",
 }  # fmt: skip
-SCENES = {"closed_hamiltonian": "field-nijhoff"}
+SCENES = {"closed_hamiltonian": "harmonic-oscillator"}
 OBJECTS_ONLY = {
     "adjoint_composition", "adjoint_method", "extrapolation", "repeat", "suzuki_fractal", "symmetric_composition",
     "triple_jump", "save_method", "save_scene", "lindstedt_poincare", "takahashi_imada_integral", "reach",

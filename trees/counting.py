@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
-from numbers import Real
 from typing import Any
 
+from bseries_base.child_bounds import GivenBounds, read_child_bounds
 from bseries_base.memory import refuse_beyond_memory
 from bseries_base.table import Column, Table
 from trees.errors import TreeError
@@ -45,29 +45,10 @@ def check_size(order: object, colors: object) -> tuple[int, int]:
     return nodes, kinds
 
 
-def normal_limits(colors: int, max_children: Iterable[Iterable[float | None]] | float | None) -> Limits:
+def normal_limits(colors: int, max_children: GivenBounds) -> Limits:
     """The normal form of `max_children`: row c bounds the children of a node of colour c, by colour and in all."""
-    if max_children is None or not hasattr(max_children, "__iter__"):
-        bound = _bound(max_children)  # pyright: ignore[reportArgumentType]
-        return ((UNBOUNDED,) * colors + (bound,),) * colors
-    listed = list(max_children)  # pyright: ignore[reportArgumentType]
-    if any(isinstance(row, str) or not hasattr(row, "__iter__") for row in listed):
-        raise TreeError(f"max_children must be one bound or rows of bounds, but was {max_children!r:.60}")
-    rows = [tuple(_bound(entry) for entry in row) for row in listed]
-    if len(rows) != colors or any(len(row) not in (colors, colors + 1) for row in rows):
-        shape = [len(row) for row in rows]
-        raise TreeError(
-            f"max_children must have {colors} rows of {colors} or {colors + 1} bounds, but had rows of lengths {shape}"
-        )
-    return tuple(row if len(row) > colors else (*row, UNBOUNDED) for row in rows)
-
-
-def _bound(entry: float | None) -> int:
-    if entry is None or entry == float("inf"):
-        return UNBOUNDED
-    if isinstance(entry, bool) or not isinstance(entry, Real) or entry != entry or entry < 0 or int(entry) != entry:
-        raise TreeError(f"max_children must hold whole numbers, 0 or more, or None, but had {entry!r:.60}")
-    return min(int(entry), UNBOUNDED)
+    rows = read_child_bounds(max_children, colors, TreeError)
+    return tuple(tuple(UNBOUNDED if bound is None else min(bound, UNBOUNDED) for bound in row) for row in rows)
 
 
 def _add_trees(multisets: list[list[int]], nodes: int, trees: int) -> None:
@@ -115,9 +96,7 @@ def count_by_color(order: int, limits: Limits) -> tuple[tuple[int, ...], ...]:
     return tuple(counts)
 
 
-def count_trees(
-    order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
-) -> tuple[int, ...]:
+def count_trees(order: int, colors: int = 1, max_children: GivenBounds = None) -> tuple[int, ...]:
     """The numbers of rooted trees with 1, 2, …, `order` nodes, without enumeration.
 
     Args:

@@ -27,9 +27,13 @@ def elementary_differential(
         children[parent] += 1
     for count, name in zip(children, node_names(colors, names), strict=True):
         part = f"_{{{latex_name(name)}}}" if latex and name else f"_{name}" if name else ""
-        prime = "'" * count if count <= 3 else f"^{{({count})}}" if latex else f"^({count})"
-        labels.append("f" + part + prime)
+        labels.append("f" + part + derivative(count, latex))
     return nest(levels, labels, "(", ")")
+
+
+def derivative(count: int, latex: bool = False) -> str:
+    """The sign of the derivative of an order: primes, or a number."""
+    return "'" * count if count <= 3 else f"^{{({count})}}" if latex else f"^({count})"
 
 
 def elementary_weight(levels: Sequence[int], colors: Sequence[int], format: str, names: Iterable[str] | None) -> str:

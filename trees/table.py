@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property, lru_cache
 from itertools import accumulate
 from math import factorial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries_base.child_bounds import GivenBounds
 from bseries_base.table import Column, LazyRows, Table, listed
 from trees import counting, kernels
 from trees.basis import Basis, Cuts, Growth
@@ -98,9 +99,7 @@ class TreeTable(Basis[Tree]):
         products=lambda n: 2**n,  # ordered subtrees
     )
 
-    def __init__(
-        self, order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
-    ):
+    def __init__(self, order: int, colors: int = 1, max_children: GivenBounds = None):
         self.max_order, self.colors = counting.check_size(order, colors)
         self.limits: Limits = normal_limits(self.colors, max_children)
         self._counts = _counts_within_memory(self.max_order, self.limits)
@@ -445,9 +444,7 @@ def kept_table(order: int, limits: Limits) -> TreeTable | None:
     return TreeTable(order, len(limits), limits) if small else None
 
 
-def tree_table(
-    order: int, colors: int = 1, max_children: Iterable[Iterable[float | None]] | float | None = None
-) -> TreeTable:
+def tree_table(order: int, colors: int = 1, max_children: GivenBounds = None) -> TreeTable:
     """The table for these arguments; tables of up to a million trees are cached."""
     order, colors = counting.check_size(order, colors)
     limits = normal_limits(colors, max_children)

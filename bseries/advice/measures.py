@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil
-from typing import Any
 
 import numpy as np
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.runs.observers import observers
 from integrators.scenes.model.blocks import TIME
 from integrators.scenes.scene import Scene
@@ -21,7 +21,7 @@ NOISE = 2.0**-46
 operations."""
 
 
-def check_measure(measure: Any, known: Sequence[str] = MEASURES) -> str:
+def check_measure(measure: str, known: Sequence[str] = MEASURES) -> str:
     """The name of a measure, checked."""
     if measure not in known:
         raise IntegratorError(f"measure must be one of {', '.join(known)}, but was {shorten(repr(measure))}")

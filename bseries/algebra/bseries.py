@@ -12,6 +12,7 @@ from bseries.algebra.series import Series
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
 from bseries_base.table import Column
+from trees import folds
 from trees.basis import Basis
 from trees.drawing import svg
 from trees.table import TreeTable, tree_table
@@ -118,17 +119,19 @@ class BSeries(Series):
 
     def term_fields(self) -> dict[str, Callable[[SeriesTerm], Any]]:
         """What JSON and CSV hold of a term, by key."""
-        names, densities = self.shown_names, self.table.symmetry_and_density[1]
+        table, names, densities = self.table, self.shown_names, self.table.symmetry_and_density[1]
+        tree, levels, colors = folds.tree_texts(table, names), folds.levels(table), folds.colors(table)
+        differential = folds.differentials(table, names)
         return {
-            "tree": lambda term: term.element.text(names),
-            "levels": lambda term: list(term.element.levels),
-            "colors": lambda term: list(term.element.colors),
-            "order": lambda term: term.element.order,
+            "tree": lambda term: tree(term.at),
+            "levels": lambda term: levels(term.at),
+            "colors": lambda term: colors(term.at),
+            "order": lambda term: table.order_of(term.at),
             "symmetry": lambda term: term.symmetry,
             "density": lambda term: int(densities[term.at]),
             "coefficient": lambda term: term.coefficient_text,
             "weight": lambda term: term.weight_text,
-            "differential": lambda term: term.element.differential(names=names),
+            "differential": lambda term: differential(term.at),
         }
 
     def term_columns(self) -> list[Column]:

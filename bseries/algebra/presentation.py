@@ -6,21 +6,27 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries.scene_text import FLOATS
 from bseries_base.numbers import latex_number, number_text
+from integrators.exact.arithmetic import FLOATS
+from trees.basis import Basis
 from trees.table import TreeTable
 
 
 class SeriesTerm(NamedTuple):
     """A tree of a series, its coefficient, weight, σ and γ; `digits` are those to print, for a method in decimals."""
 
-    element: Any
+    basis: Basis[Any]
     coefficient: Any
     weight: Any
     is_zero: bool
     digits: int | None
     symmetry: int
     at: int  # the id of the element
+
+    @property
+    def element(self) -> Any:
+        """The tree, or other element of the basis."""
+        return self.basis[self.at]
 
     @property
     def coefficient_text(self) -> str:

@@ -420,13 +420,13 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
 
     def terms(self, *, nonzero: bool = False) -> Iterator[SeriesTerm]:
         """The terms in the order of the basis; `weight` is coefficient/σ."""
-        for at, ((element, coefficient), symmetry) in enumerate(zip(self.items(), self.basis.symmetries, strict=True)):
+        for at, (coefficient, symmetry) in enumerate(zip(self.coefficients(), self.basis.symmetries, strict=True)):
             zero = self.is_zero_at(at)
             if not (nonzero and zero):
                 digits, error = self.digits, 0.0 if not (self.uncertainty and coefficient) else self.uncertainty(at)
                 if digits is not None and error:
                     digits = max(1, min(digits, 1 + math.floor(math.log10(abs(coefficient) / error))))
-                yield SeriesTerm(element, coefficient, coefficient / symmetry, zero, digits, symmetry, at)
+                yield SeriesTerm(self.basis, coefficient, coefficient / symmetry, zero, digits, symmetry, at)
 
     def term_fields(self) -> dict[str, Callable[[SeriesTerm], Any]]:
         """What JSON and CSV hold of a term, by key."""

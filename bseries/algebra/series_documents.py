@@ -17,8 +17,8 @@ from bseries.algebra.uncertainty import of_errors
 from bseries.exact.domains import make_values
 from bseries.exact.number_fields import MOST_COEFFICIENT
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import check_digits, check_label
-from integrators.core.errors import shorten, shown
 from integrators.core.text_files import MOST_DIGITS, errors_from, parse_json, read_text
 from integrators.exact.arithmetic import MOST_DEGREE
 from integrators.exact.expressions import ELEMENTARY, ROOTS, parse_expression

@@ -16,16 +16,15 @@ arithmetic modulo a higher power of θ is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
-from itertools import accumulate, pairwise
 from typing import Any, TypeAlias
 
-from bseries.exact import domains, lie, powers, recursions
-from bseries.exact.arithmetic import Exact, Wrapped, whole, wrapped_stages
-from bseries.exact.bounds import Bound, geometric
+from bseries.exact import domains, lie, powers, recursions, stage_sizes
+from bseries.exact.arithmetic import Exact, Wrapped, wrapped_stages
+from bseries.exact.bounds import Bound, scaled
 from bseries.exact.denominators import primorial, smallest_step, twos
 from bseries.exact.domains import RingValues, Values, alike, converted, narrowest, ring_element, to_float
 from bseries.exact.powers import PowerWeights
@@ -102,12 +101,16 @@ class ExactStages(MethodStages):
         return domains.narrowed(RingValues(table, self.ring, elements, self.step))
 
     def inverse(self) -> ExactStages:
-        """The inverse map: A − 1 bᵀ and −b."""
-        return ExactStages(self.stages.inverse(), self.ring, self.step)
+        """The inverse map."""
+        return self._made(Stages.inverse)
 
     def scaled(self, factor: Fraction) -> ExactStages:
-        """The method with `factor` times the step size, a whole number."""
-        return ExactStages(self.stages.scaled(whole(factor)), self.ring, self.step)
+        """The method with `factor` times the step size; in a ring, a whole number."""
+        number = int(factor) if factor.denominator == 1 else factor
+        return self._made(lambda stages: stages.scaled(number))
+
+    def _made(self, change: Callable[[Stages], Stages]) -> ExactStages:
+        return ExactStages(change(self.stages), self.ring, self.step)
 
 
 class FloatStages(MethodStages):
@@ -129,17 +132,17 @@ class RationalStages(ExactStages):
 
     Args:
         stages: Entries as Fractions, in any basis of the stage algebra in which products have integer coefficients.
-        sums: Bounds on the sums of |b_i|, and of |a_ij| over j, of the tableau itself.
+        real: The stages of the tableau itself, which bounds are found from, if those are in another basis.
     """
 
     kind = "rational"
 
-    def __init__(self, stages: Stages, sums: tuple[Fraction, Fraction]):
+    def __init__(self, stages: Stages, real: Stages | None = None):
         super().__init__(stages, None, math.lcm(*(entry.denominator for entry in (*stages.a, *stages.b))))
-        self.sums = sums
+        self.real = real or stages
 
     def _sum(self, table: TreeTable, weights: PowerWeights) -> RationalValues:
-        return powers.rational_sum(table, self.stages, self.step, self.sums, weights)
+        return powers.rational_sum(table, self.stages, self.step, self.bound, weights)
 
     @cached_property
     def integers(self) -> Wrapped:
@@ -149,34 +152,16 @@ class RationalStages(ExactStages):
 
     def bound(self, order: int) -> Bound:
         """Bounds on the series, by number of nodes."""
-        return geometric(order, *self.sums)
+        rough = self.real.error or powers.fits_word(order, self.step)
+        return (stage_sizes.rough_bound if rough else stage_sizes.bound)(self.real, order)
 
     def then(self, other: RationalStages) -> RationalStages:
         """The method that takes this step, then the other."""
-        (b, a), (next_b, next_a) = self.sums, other.sums
-        return RationalStages(self.stages.then(other.stages), (b + next_b, max(a, b + next_a)))
+        forms = dict.fromkeys([(self.stages, other.stages), (self.real, other.real)])
+        return RationalStages(*(first.then(second) for first, second in forms))
 
-    def inverse(self) -> RationalStages:
-        """The inverse map: A − 1 bᵀ and −b."""
-        return RationalStages(self.stages.inverse(), (self.sums[0], self.sums[0] + self.sums[1]))
-
-    def scaled(self, factor: Fraction) -> RationalStages:
-        """The method with `factor` times the step size."""
-        b, a = self.sums
-        return RationalStages(self.stages.scaled(factor), (abs(factor) * b, abs(factor) * a))
-
-
-def largest_sums(stages: Stages) -> tuple[Fraction, Fraction]:
-    """The largest sums of |b_i|, and of |a_ij| over j.
-
-    The sum of absolute coefficients of a product of polynomials is at most the product of the sums: those of the rows
-    of a block count together.
-    """
-    size, b = stages.size, [abs(x) for x in stages.b]
-    rows = [sum(map(abs, stages.a[i : i + size]), Fraction(0)) for i in range(0, len(stages.a), max(size, 1))]
-    ends = list(accumulate(stages.sizes * (len(rows) // max(size, 1)), initial=0))
-    of_weights = max((sum(b[i : i + size], Fraction(0)) for i in range(0, len(b), max(size, 1))), default=Fraction(0))
-    return of_weights, max((sum(rows[i:j], Fraction(0)) for i, j in pairwise(ends)), default=Fraction(0))
+    def _made(self, change: Callable[[Stages], Stages]) -> RationalStages:
+        return RationalStages(*map(change, dict.fromkeys([self.stages, self.real])))
 
 
 def check_method(method: object) -> Method:
@@ -251,7 +236,7 @@ def _in_domain(size: int, a: list[Any], b: list[Any], blocks: Sequence[int] = ()
     if kind == "float":
         return FloatStages(stages)
     if kind == "rational":
-        return RationalStages(stages, largest_sums(stages))
+        return RationalStages(stages)
     return ExactStages(stages, ring, step)
 
 
@@ -305,17 +290,15 @@ def _algebraic_stages(algebras: Sequence[StageAlgebra]) -> RationalStages:
     relation = [polynomial[k] * power[count - k] for k in range(count)]
     a = [x.A[i][j] * power[j] / power[i] for x in algebras for i in range(count) for j in range(count)]
     b = [x.b[j] * power[j] for x in algebras for j in range(count)]
-    return RationalStages(Stages(count, a, b, relation, [count]), largest_sums(_bounds(algebras, count)))
+    return RationalStages(Stages(count, a, b, relation, [count]), _real_stages(algebras, count))
 
 
-def _bounds(algebras: Sequence[StageAlgebra], count: int) -> Stages:
-    """Upper bounds on the absolute values of the entries, from floats with errors of a few units in the last place."""
+def _real_stages(algebras: Sequence[StageAlgebra], count: int) -> Stages:
+    """The stages with entries from floats, which have errors of a few units in the last place."""
     tableaus = [algebra.tableau_float() for algebra in algebras]
-    a = [entry for A, _, _ in tableaus for row in A for entry in row]
-    b = [entry for _, b, _ in tableaus for entry in b]
-    factor, least = 1 + Fraction(1, 2**40), Fraction(1, 2**60)
-    a, b = ([abs(Fraction(entry)) * factor + least for entry in row] for row in (a, b))
-    return Stages(count, a, b)
+    a = [Fraction(entry) for A, _, _ in tableaus for row in A for entry in row]
+    b = [Fraction(entry) for _, b, _ in tableaus for entry in b]
+    return Stages(count, a, b, error=scaled(Fraction(1, 2**40) * max(1, *map(abs, a), *map(abs, b))))
 
 
 Row = dict[int, Any]
@@ -472,7 +455,9 @@ class FlowChain:
         if isinstance(table, Words):
             return self._on_words(table)
         size = sum(map(abs, self.times)) if self.kind == "rational" else 0
-        bound = geometric(table.max_order, size, size)  # the exact flow over all times is larger tree by tree
+        bound = tuple(
+            scaled(size**n) for n in range(table.max_order + 1)
+        )  # the exact flow over all times is larger tree by tree
         operation = Operation(
             lambda arithmetic, weights: weights(field=False), lambda known: bound, units=2, passes=len(self.times)
         )  # even units: modulo 2^64 the values of a flow cannot be halved

@@ -17,13 +17,14 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.composition import compose
 from bseries.algebra.series import check_flow
 from bseries.algebra.uncertainty import conjugated, worst_case
 from bseries.analysis.order import Verdict, field_elements, flow_of
+from bseries.analysis.stability.field_elements import Element
 from bseries.analysis.structure import Coloring, Structure, closure, failing, has_blocks
 from bseries.exact.domains import make_values, to_float
 from bseries.exceptions import SeriesError
@@ -33,8 +34,11 @@ from trees.free_trees import grafting, rootings
 from trees.table import TreeTable
 from trees.tree import Tree
 
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+
 Key = TypeVar("Key", bound=Hashable)
-Number = Callable[[Fraction], Any]
+Number = Callable[[Fraction], Element]
 
 
 def conjugate(a: BSeries, c: BSeries) -> BSeries:
@@ -177,7 +181,7 @@ def conjugate_symplecticity(
 def _solve(s: BSeries, problem: EffectiveOrder | ConjugateSymplectic) -> ConjugateVerdict:
     """Find the logarithm g of the processor order by order."""
     table = s.table
-    g: list[Any] = [Fraction(0)] * len(table)
+    g: list[Coefficient] = [Fraction(0)] * len(table)
     order, violating = table.max_order, None
     unit = None if s.digits is None else 10 ** (s.digits + 10)
     changes = None if s.uncertainty is None else _Changes(s, problem)
@@ -226,7 +230,7 @@ class _Changes:
         self._term = term
         return worst_case(residuals), worst_case(term)
 
-    def choose(self, n: int, g: Sequence[Any]) -> None:
+    def choose(self, n: int, g: Sequence[Coefficient]) -> None:
         """Continue with the term g_n that `step` found."""
         ids = self._table.ids(n)
         self._processor[ids.start : ids.stop, 0] = [to_float(x) for x in g[ids.start : ids.stop]]
@@ -240,7 +244,7 @@ def _inconsistent(flow: BSeries) -> int | None:
     return next((node for node in nodes if flow.stored[node] != 1 and not flow.may_be(node, 1)), None)
 
 
-def _processor(s: BSeries, g: Sequence[Any], order: int) -> BSeries:
+def _processor(s: BSeries, g: Sequence[Coefficient], order: int) -> BSeries:
     """The flow exp g on the trees of a series, up to some order."""
     table = s.truncate(order).table
     return BSeries(table, make_values(table, g[: len(table)]), 0, names=s.names).exp()
@@ -250,7 +254,7 @@ class ProcessorTerm(NamedTuple):
     """The term of g with n nodes, the residuals of the equations with n + 1 nodes, and the tree of each residual."""
 
     term: dict[int, Any]
-    residuals: list[Any]
+    residuals: Sequence[Any]
     breaks: list[int]
 
 
@@ -258,10 +262,10 @@ def solve_triangular(
     unknowns: Iterable[Key],
     pivot: Callable[[Key], Key],
     equation: Callable[[Key], Mapping[Key, int]],
-    right_side: Callable[[Key], Any],
-    known: Mapping[Key, Any],
+    right_side: Callable[[Key], Element],
+    known: Mapping[Key, Element],
     number: Number,
-) -> dict[Key, Any]:
+) -> dict[Key, Element]:
     """Solve a triangular system: each unknown from its pivot equation Σ factor · unknown = right side."""
     values = dict(known)
 
@@ -351,7 +355,7 @@ class EffectiveOrder:
         self._table = table
         self._leaves = Leaves(table)
 
-    def step(self, n: int, b: list[Any], number: Number) -> ProcessorTerm:
+    def step(self, n: int, b: Sequence[Element], number: Number) -> ProcessorTerm:
         """Solve for g_n, given b at all trees with up to n + 1 nodes; g₁ is 0 at the first leaf."""
         known = {0: number(Fraction(0))} if n == 1 else {}
         trees, larger = self._table.ids(n), self._table.ids(n + 1)
@@ -366,7 +370,7 @@ class EffectiveOrder:
         return factors
 
 
-def _sum(factors: Mapping[Key, int], values: Mapping[Key, Any], number: Number) -> Any:
+def _sum(factors: Mapping[Key, int], values: Mapping[Key, Element], number: Number) -> Any:
     return sum((values[key] * factor for key, factor in factors.items()), start=number(Fraction(0)))
 
 
@@ -392,7 +396,7 @@ class ConjugateSymplectic:
             if left[tree] >= 0 and not (self._roots.flips and color[left[tree]] == color[right[tree]]):
                 keys.setdefault(_pair(left[tree], right[tree]), (tree, turned))
 
-    def step(self, n: int, b: list[Any], number: Number) -> ProcessorTerm:
+    def step(self, n: int, b: Sequence[Element], number: Number) -> ProcessorTerm:
         """Solve for g_n up to Hamiltonian fields, given b at all trees with up to n + 1 nodes."""
         unknowns, equations = self._keys[n], self._keys[n + 1]
 
@@ -418,11 +422,11 @@ class ConjugateSymplectic:
                 factors[_pair(smaller, v)] += multiplicity
         return factors
 
-    def _lifted(self, trees: range, found: Mapping[tuple[int, ...], Any], number: Number) -> dict[int, Any]:
+    def _lifted(self, trees: range, found: Mapping[tuple[int, ...], Element], number: Number) -> dict[int, Element]:
         """A field g with these ρ and δ: zero at the representative of every free tree (if g is free there)."""
         roots = self._roots
         _, color, left, right = self._columns
-        values: dict[int, Any] = {}
+        values: dict[int, Element] = {}
 
         def value(tree: int) -> Any:
             if tree in values:

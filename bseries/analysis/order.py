@@ -15,7 +15,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.modified import exact_values, series, series_to
+from bseries.algebra.modified import exact_values, modified_equation, series, series_to
 from bseries.algebra.series import Series, check_flow
 from bseries.algebra.stages import auxiliary_colors, check_method, flow_chain, inputs_of
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
@@ -195,7 +195,7 @@ def _check_exact(s: Series) -> None:
         raise SeriesError("method must be a method or an exact series, but was made of a series in decimals")
 
 
-def exact_values_of(basis: Basis[Any], auxiliary: frozenset[int]) -> RationalValues:
+def exact_values_of(basis: Basis, auxiliary: frozenset[int]) -> RationalValues:
     """The exact flow, and 0 for trees with a node of an auxiliary colour."""
     exact = exact_values(basis)
     if not auxiliary:
@@ -324,17 +324,19 @@ def flow_of(method: Method | BSeries | str, order: int | None) -> BSeries:
 
 def field_of(method: Method | BSeries | str, order: int | None) -> BSeries:
     """The modified equation of a method, or a field itself."""
-    s = decidable(method, order)
+    s = decidable(method, order, modified_equation)
     if s.empty == 0:
         return s
     check_flow(s, "method")
     return s.log()
 
 
-def decidable(method: Method | BSeries | str, order: int | None) -> BSeries:
+def decidable(
+    method: Method | BSeries | str, order: int | None, make: Callable[[Method, int], BSeries] = series
+) -> BSeries:
     """A series, or that of a method, up to some order, whose structure can be decided: its errors are known."""
     method = as_method(method)
-    s = series_of(method, order)
+    s = series_of(method, order, make)
     if not isinstance(method, BSeries) and auxiliary_colors(method):
         parts = ", ".join(method.names[color] for color in auxiliary_colors(method))
         raise SeriesError(f"method must be made of the field alone to have a structure, but has the extra part {parts}")
@@ -342,12 +344,12 @@ def decidable(method: Method | BSeries | str, order: int | None) -> BSeries:
     return s
 
 
-def series_of(method: Method | BSeries, order: int | None) -> BSeries:
-    """A series, or that of a method, up to some order, with floats taken as decimals."""
+def series_of(method: Method | BSeries, order: int | None, make: Callable[[Method, int], BSeries] = series) -> BSeries:
+    """A series, or that which is made of a method, up to some order, with floats taken as decimals."""
     if isinstance(method, BSeries):
         return series_to(method, order)
     check_method(method)
-    return series(trusted(method), structure_order(method, order_of(method)) if order is None else order)
+    return make(trusted(method), structure_order(method, order_of(method)) if order is None else order)
 
 
 def structure_order(method: Method, accuracy: int) -> int:

@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from bseries.analysis.stability.field_elements import dot, stage_matrix
 from bseries.exceptions import SeriesError
@@ -73,7 +73,7 @@ class Assumptions(NamedTuple):
         """
         if given is None or isinstance(given, Assumptions):
             return given or cls()
-        pairs: list[tuple[str, Any]] = []
+        pairs = list[tuple[str, int]]()
         if isinstance(given, str) and TEXT.fullmatch(given.strip()):
             pairs = [(name, int(k or number)) for name, k, number in re.findall(ONE_OF_THEM, given)]
         elif isinstance(given, Mapping):

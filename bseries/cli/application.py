@@ -12,10 +12,9 @@ from typing import Any, TextIO
 
 import click
 
-from bseries_base.errors import plain
+from bseries_base.errors import plain, suggestion
 from bseries_base.extras import MissingPackage
 from bseries_command import INTERRUPTED
-from integrators.core.errors import suggestion
 
 VERBS = {
     "modified": "series",

@@ -17,9 +17,9 @@ from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES, Con
 from bseries.conditions.formulas import check_stages
 from bseries.conditions.kinds import KINDS, MethodKind
 from bseries.exceptions import SeriesError
+from bseries_base.errors import suggestion
 from bseries_base.numbers import latex_number
 from bseries_base.table import Column, LazyRows, Table, as_frame, as_html, listed
-from integrators.core.errors import suggestion
 from integrators.core.immutable import ImmutableValue
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method

@@ -19,9 +19,10 @@ import sympy
 from bseries.course.equality import EXACTLY, agreeing_digits, equality, factor_between, first_wrong_power
 from bseries.course.notation import plain
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shorten
 from integrators import RungeKutta
 from integrators.core.arguments import split_row
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import MOST_DEGREE, degree_bound
 from integrators.exact.expressions import ELEMENTARY, parse_expression
 from trees import Tree
@@ -183,7 +184,7 @@ def compare(
     given: sympy.Expr,
     wanted: sympy.Expr,
     symbols: Sequence[Any],
-    others: Mapping[str, Any] = {},
+    others: Mapping[str, sympy.Expr] = {},
     *,
     constant: bool = False,
     rounded: int = 0,

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 from bseries.course.questions import QUESTIONS, Question
 from bseries.exceptions import SeriesError
-from bseries_base.errors import BSeriesError
+from bseries_base.errors import BSeriesError, shorten, shown, suggestion
 from bseries_base.table import Column, Table, as_frame, as_html, as_text
-from integrators.core.errors import shorten, shown, suggestion
 
 MOST_CHARACTERS = 100_000
 """Of a text of answers."""

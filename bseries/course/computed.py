@@ -16,8 +16,8 @@ from bseries.exceptions import SeriesError
 from bseries.figures.lennard_jones_drift import LECTURE, SIMPLIFIED
 from bseries.figures.lennard_jones_drift import start as equilibrated
 from bseries.figures.registry import compute, figure_file
+from bseries_base.errors import not_one_of
 from bseries_base.numbers import latex_number
-from integrators.core.errors import not_one_of
 
 if TYPE_CHECKING:
     import sympy

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple, TypeVar
 from bseries.course.computed import computed, figure_data, filled, places
 from bseries.exceptions import SeriesError
 from bseries.figures.registry import drawn, figure_file
+from bseries_base.errors import not_one_of
 from bseries_base.extras import MissingPackage, optional_module
 from bseries_base.plotting import picture
-from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write
 
 Element = dict[str, Any]

@@ -12,8 +12,11 @@ import sympy
 import bseries as bs
 from bseries.course.answer_kinds import MOST_NODES, AnswerKind, decisions, formulas, tableau
 from bseries.course.answer_kinds import differentials as differentials_in
+from bseries.course.field_nijhoff import FieldNijhoff, field_nijhoff
 
 if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+    from bseries.fields.inputs import Formula
     from integrators import Scene
     from integrators.methods.programs.program import Method
     from trees import Tree
@@ -81,10 +84,10 @@ def midpoint_preserves_volume() -> tuple[str, ...]:
     return yes_no([in_plane, abc_divergence("implicit-midpoint", 2)[0] == 0])
 
 
-# Exercises 3 to 5: changes of coordinates, and a modified Hamiltonian in closed form.
+# Exercises 3 and 4: changes of coordinates.
 
 
-def _polar() -> Any:
+def _polar() -> bs.hamiltonians.CoordinateChange:
     """The change to polar coordinates in the plane."""
     new, positions = {"p": ["p_r", "p_phi"], "q": ["r", "phi"]}, {"q1": "r*cos(phi)", "q2": "r*sin(phi)"}
     return bs.hamiltonians.point_transformation({"p": 2, "q": 2}, new, positions, positive=["r"])
@@ -119,12 +122,6 @@ def averaged_quartic() -> tuple[sympy.Expr]:
     linear = _oscillator("0")
     quartic = quartic_oscillator()[0] - linear.hamiltonian
     return (bs.hamiltonians.lindstedt_poincare(linear, 1, perturbations=[quartic]).symbolic(1),)
-
-
-@cache
-def _field_nijhoff() -> Any:
-    """Field and Nijhoff's modified Hamiltonian in closed form."""
-    return bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff")
 
 
 # Exercises 7, 9, 11 and 12: methods.
@@ -303,7 +300,7 @@ def largest_energy_error() -> tuple[sympy.Expr]:
 
 
 @cache
-def splitting_coefficients() -> tuple[sympy.Expr, ...]:
+def splitting_coefficients() -> tuple[Coefficient, ...]:
     """The coefficients of {T,{T,U}} and {U,{U,T}} for kicks γh, (1 − 2γ)h, γh between two drifts h/2."""
     drift = ("q", "1/2")
     flows = [("p", "gamma"), drift, ("p", "1 - 2*gamma"), drift, ("p", "gamma")]
@@ -311,7 +308,7 @@ def splitting_coefficients() -> tuple[sympy.Expr, ...]:
     return brackets["T", "T", "U"], brackets["U", "U", "T"]
 
 
-def best_splitting() -> tuple[sympy.Expr, ...]:
+def best_splitting() -> tuple[Formula, ...]:
     """γ for which the first one vanishes, and the value of the second one there."""
     first, second = (sympy.sympify(c, strict=True) for c in splitting_coefficients())
     (root,) = sympy.solve(first)
@@ -387,11 +384,11 @@ QUESTIONS = (
     ),
     Question(
         "5b", "the sum of the series", formulas(("I", "h")),
-        lambda: (_field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),),  # I = (1 + p)(1 + q)
+        lambda: (field_nijhoff().expression(h).subs({p: sympy.Symbol("I") - 1, q: 0}),),  # I = (1 + p)(1 + q)
     ),
     Question(
         "5c", "the radius of convergence at (p, q) = (1, 2)",
-        formulas(), lambda: (_field_nijhoff().radius.subs({p: 1, q: 2}),),
+        formulas(), lambda: (FieldNijhoff(bs.scene("field-nijhoff"), "p").radius.subs({p: 1, q: 2}),),
     ),
     Question("6a", "div f_2 of the explicit Euler method", formulas(X_Y_Z), of(abc_divergence, EULER, 1)),
     Question("6b", "div f_3 of the implicit midpoint rule", formulas(X_Y_Z), of(abc_divergence, MIDPOINT, 2)),

@@ -37,20 +37,23 @@ def numerator_bits(bound: Bound, denominators: Sequence[int]) -> list[int]:
     return [((x * d >> FINE) + 1).bit_length() for x, d in zip(bound[1:], denominators[1:], strict=True)]
 
 
-@lru_cache(maxsize=256)
-def geometric(order: int, first: Fraction, factor: Fraction) -> Bound:
-    """first · factor^(n−1), such as Σ|b_i| and the largest Σ_j |a_ij| give for the series of a method."""
-    return (ONE, *(scaled(first * factor ** (n - 1)) for n in range(1, order + 1)))
+def product(x: int, y: int) -> int:
+    """A bound on a product."""
+    return (x * y >> FINE) + 1
 
 
-@lru_cache(maxsize=256)
-def sum_of_powers(weights: Sequence[Sequence[Fraction]], first: Fraction, factor: Fraction) -> Bound:
-    """Σ_k weights[n][k−1] a^k for a method with these sums of |b_i| and |a_ij|: those of k steps are larger."""
+def products(flow: Sequence[int]) -> Bound:
+    """The largest products of values at elements with n nodes in all."""
     found = [ONE]
-    for n, row in enumerate(weights[1:], 1):
-        sizes = (abs(w) * k * first * ((k - 1) * first + factor) ** (n - 1) for k, w in enumerate(row, 1))
-        found.append(scaled(sum(sizes, Fraction(0))))
+    for n in range(1, len(flow)):
+        found.append(max(product(flow[k], found[n - k]) for k in range(1, n + 1)))
     return tuple(found)
+
+
+def sum_of_powers(weights: Sequence[Sequence[Fraction]], flow: Bound) -> Bound:
+    """Σ_k weights[n][k−1] a^k. In a^k each node belongs to one of k steps, and the nodes of a step form trees."""
+    sizes = (sum((abs(w) * k**n for k, w in enumerate(row, 1)), Fraction(0)) for n, row in enumerate(weights))
+    return tuple(product(scaled(size), x) for size, x in zip(sizes, products(flow), strict=True))
 
 
 @lru_cache(maxsize=256)
@@ -101,10 +104,8 @@ def derivative(growth: Growth, b: Sequence[int], c: Sequence[int], n: int) -> in
 @lru_cache(maxsize=256)
 def composition(growth: Growth, a: Bound, c: Bound) -> Bound:
     """First a, then c: products of c at what remains and of a at the branches that are cut off."""
-    products = [ONE]  # the largest of products of a, by number of nodes
-    for n in range(1, len(a)):
-        products.append(max((a[k] * products[n - k] >> FINE) + 1 for k in range(1, n + 1)))
-    largest = (max(c[m] * products[n - m] >> FINE for m in range(n + 1)) + 1 for n in range(len(a)))
+    cut_off = products(a)
+    largest = (max(product(c[m], cut_off[n - m]) for m in range(n + 1)) for n in range(len(a)))
     return tuple(x * growth.products(n) for n, x in enumerate(largest))
 
 
@@ -113,11 +114,11 @@ def substitution(skeletons: Bound, parts: Sequence[int], n: int, fewest: int = 1
     total, largest = 0, [ONE] + [0] * n  # the largest products of m parts with 0, 1, … nodes in all
     for m in range(1, n + 1):
         largest = [
-            max((((parts[k] * largest[i - k] >> FINE) + 1) for k in range(1, i + 1) if k < len(parts)), default=0)
+            max((product(parts[k], largest[i - k]) for k in range(1, i + 1) if k < len(parts)), default=0)
             for i in range(n + 1)
         ]
         if m >= fewest:
-            total += math.comb(n - 1, m - 1) * ((skeletons[m] * largest[n] >> FINE) + 1)
+            total += math.comb(n - 1, m - 1) * product(skeletons[m], largest[n])
     return total
 
 
@@ -133,5 +134,5 @@ def solved(skeletons: Bound, target: Bound, inverse: Fraction, known: Bound = (O
     found = list(known)
     factor = scaled(inverse)
     for n in range(len(found), len(target)):
-        found.append((factor * (target[n] + substitution(skeletons, found, n, 2)) >> FINE) + 1)
+        found.append(product(factor, target[n] + substitution(skeletons, found, n, 2)))
     return tuple(found)

@@ -7,62 +7,9 @@ of a result follow from those of the operands.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
-
-from bseries.exact import recursions
-from bseries.exact.recursions import Stages
-from trees.table import TreeTable
-
-
-@lru_cache(maxsize=256)
-def of_stages(stages: Stages, order: int) -> tuple[int, ...]:
-    """Denominators of the elementary weights of a method with rational entries.
-
-    They follow the recursion g(u∘v) = g(u) G(v), G(v) = A g(v), a(τ) = b · g(τ), block by block: D of a product is the
-    product, and D of A g is that of entries times that of g. For the smallest trees they are those of the values, since
-    simplifying assumptions give sums far smaller denominators than their terms have. For Dormand and Prince's method
-    and 12 nodes D has 124 bits; the power L^12 of the common denominator of all entries has 408.
-    """
-    blocks = [range(*ends) for ends in pairwise(stages.ends)]
-    table = TreeTable(min(order, 3), len(stages.b) // stages.size)
-    weights, vectors = recursions.elementary_weights(table, stages)
-    outer = [1, *(_common(weights[t] for t in table.ids(n)) for n in range(1, table.max_order + 1))]
-    inner = [
-        [_common(vectors[i][t] for i in block for t in table.ids(n)) for block in blocks]
-        for n in range(1, table.max_order)
-    ]
-    into_blocks, into_weights = _factors(stages)
-    products = [[1] * len(blocks)]
-    for n in range(2, order + 1):
-        if len(inner) < n - 1:
-            inner.append([_lcm(factors, products[-1]) for factors in into_blocks])
-        parts = range(n - 1)
-        products.append([math.lcm(*(products[n - 2 - k][e] * inner[k][e] for k in parts)) for e in range(len(blocks))])
-        if len(outer) == n:
-            outer.append(_lcm(into_weights, products[-1]))
-    return tuple(outer)
-
-
-def _factors(stages: Stages) -> tuple[list[dict[int, int]], dict[int, int]]:
-    """Denominators of the entries between blocks: for each block of rows, and for the weights, by block of columns."""
-    block = [e for e, size in enumerate(stages.sizes) for _ in range(size)]
-    rows, weights = [dict[int, int]() for _ in stages.sizes], dict[int, int]()
-    of_rows = ((rows[block[k // stages.size % stages.size]], k, x) for k, x in enumerate(stages.a) if x)
-    for factors, k, entry in (*of_rows, *((weights, k, x) for k, x in enumerate(stages.b) if x)):
-        column = block[k % stages.size]
-        factors[column] = math.lcm(factors.get(column, 1), entry.denominator)
-    return rows, weights
-
-
-def _lcm(factors: dict[int, int], denominators: Sequence[int]) -> int:
-    return math.lcm(*(factor * denominators[at] for at, factor in factors.items()))
-
-
-def _common(values: Iterable[Fraction]) -> int:
-    return math.lcm(*(value.denominator for value in values))
 
 
 def of_powers(flow: Sequence[int]) -> tuple[int, ...]:

@@ -3,8 +3,8 @@
 The integers are proved by three facts about an operation. (1) A *denominator bound*: D_n such that D_n · result(τ) is
 an integer for every tree τ with n nodes. (2) A *bound* on |result(τ)| (`bseries.exact.bounds`). (3) The result modulo
 M, computed without rounding. Once M > 2 · bound · D_n, only one integer fits (`bseries.exact.residues`). Denominators
-are those of `bseries.exact.denominators`; for operations on a flow a with a(τ) L^n integral, compositions and inverses
-have L^n (their structure constants are integers), and exp b = Σ ∂_b^{j−1} b / j! has n! L^n.
+are those of `bseries.exact.denominators` and `stage_sizes`; for operations on a flow a with a(τ) L^n integral,
+compositions and inverses have L^n (their structure constants are integers), and exp b = Σ ∂_b^{j−1} b / j! has n! L^n.
 """
 
 from __future__ import annotations
@@ -236,13 +236,31 @@ def evaluate(basis: Basis, sources: Sequence[Any], operation: Operation) -> Rati
             return _prime_numerators(basis, run(arithmetics.prime_field(prime)), denominators, prime)
         return _word_numerators(basis, run(words), scaling)
 
-    def bits_of(largest: Sequence[int]) -> list[int]:
-        return bounds.numerator_bits(operation.bound(bounds.of_numerators(largest, denominators)), denominators)
+    lost, avoid = None if scaling is None else scaling.excess, common * operation.units * operation.avoid
+    return proved(basis, residues, denominators, step, operation.bound, lost=lost, avoid=avoid)
 
-    numerators = exact_integers(
-        residues, basis.offsets, bits_of, [d.bit_length() for d in denominators[1:]],
-        lost=None if scaling is None else scaling.excess, avoid=common * operation.units * operation.avoid,
-    )  # fmt: skip
+
+def proved(
+    basis: Basis,
+    run: Callable[[int], Words],
+    denominators: tuple[int, ...],
+    step: int,
+    bound: Callable[[Bound], Bound],
+    *,
+    lost: Sequence[int] | None,
+    avoid: int,
+) -> RationalValues:
+    """Values from residues of their numerators; other arguments are those of `RationalValues` and `exact_integers`.
+
+    Args:
+        bound: Bounds on the values, from what is known of them at the smallest trees.
+    """
+
+    def bits_of(largest: Sequence[int]) -> list[int]:
+        return bounds.numerator_bits(bound(bounds.of_numerators(largest, denominators)), denominators)
+
+    growth = [d.bit_length() for d in denominators[1:]]
+    numerators = exact_integers(run, basis.offsets, bits_of, growth, lost=lost, avoid=avoid)
     return RationalValues(basis, numerators, denominators, step)
 
 

@@ -6,6 +6,7 @@ into coefficients.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from fractions import Fraction
@@ -29,9 +30,17 @@ class Stages:
     z, a polynomial in the time of an exact flow (`bseries.algebra.stages`).
     """
 
-    __slots__ = ("a", "b", "ends", "longest", "relation", "size", "sizes")
+    __slots__ = ("a", "b", "ends", "error", "longest", "relation", "size", "sizes")
 
-    def __init__(self, size: int, a: list[Any], b: list[Any], relation: Sequence[Any] = (), blocks: Sequence[int] = ()):
+    def __init__(
+        self,
+        size: int,
+        a: list[Any],
+        b: list[Any],
+        relation: Sequence[Any] = (),
+        blocks: Sequence[int] = (),
+        error: int = 0,
+    ):
         self.size = size
         self.a = a
         self.b = b
@@ -39,10 +48,11 @@ class Stages:
         self.sizes = list(blocks) or [1] * size
         self.ends = list(accumulate(self.sizes, initial=0))
         self.longest = max(self.sizes, default=1)
+        self.error = error  # how far entries may be from those that are meant, in units of 2^−32
 
-    def with_entries(self, a: list[Any], b: list[Any]) -> Stages:
+    def with_entries(self, a: list[Any], b: list[Any], error: int = 0) -> Stages:
         """Other entries in the same blocks."""
-        return Stages(self.size, a, b, self.relation, self.sizes)
+        return Stages(self.size, a, b, self.relation, self.sizes, error)
 
     def then(self, other: Stages) -> Stages:
         """The stages of the method that takes a step of this one, then one of the other."""
@@ -55,7 +65,7 @@ class Stages:
             ]
             weights += [*b, *other.b[color * other.size : (color + 1) * other.size]]
         relation, sizes = self.relation + other.relation, self.sizes + other.sizes
-        return Stages(self.size + other.size, rows, weights, relation, sizes)
+        return Stages(self.size + other.size, rows, weights, relation, sizes, max(self.error, other.error))
 
     def inverse(self) -> Stages:
         """The stages of the inverse map: A − 1 bᵀ and −b."""
@@ -64,11 +74,12 @@ class Stages:
             b = self.b[color * self.size : (color + 1) * self.size]
             for i, row in enumerate(self._rows(color)):
                 rows += [x - y for x, y in zip(row, b, strict=True)] if i in units else row
-        return self.with_entries(rows, [-x for x in self.b])
+        return self.with_entries(rows, [-x for x in self.b], 2 * self.error)
 
     def scaled(self, factor: Any) -> Stages:
         """The stages of the method with another step size."""
-        return self.with_entries([x * factor for x in self.a], [x * factor for x in self.b])
+        error = math.ceil(abs(factor) * self.error)
+        return self.with_entries([x * factor for x in self.a], [x * factor for x in self.b], error)
 
     def _rows(self, color: int) -> list[list[Any]]:
         """The rows of the matrix of a colour."""

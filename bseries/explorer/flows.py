@@ -15,7 +15,7 @@ from bseries.exceptions import SeriesError
 from bseries.explorer.carried import FLOW, by_field, by_steps, crossings, orbit, padded, quiet
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.modified_fields import modified_field
-from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
+from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian, modified_hamiltonian
 from bseries_base.errors import BSeriesError
 from integrators import Stepper, reference_solution, stepper
 from integrators.core.errors import IntegratorError
@@ -292,7 +292,7 @@ class SceneFlows:
         return angles(self.scene)
 
     @cached_property
-    def energy(self) -> Any:
+    def energy(self) -> ModifiedHamiltonian | None:
         """The modified Hamiltonian with as many terms as there are; None without a Hamiltonian."""
         if not self.scene.is_hamiltonian:
             return None
@@ -311,7 +311,7 @@ class SceneFlows:
 
     def _energy_change(self, terms: int, h: float, states: np.ndarray) -> np.ndarray:
         """The change of the truncated modified Hamiltonian; not numbers where it does not exist."""
-        if terms > self.energy_terms:
+        if self.energy is None or terms > self.energy_terms:
             return np.full(states.shape[1], np.nan)
         with quiet():
             values = h ** np.arange(terms) @ self.energy.terms(np.nan_to_num(states))[:terms]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from integrators.methods.tableaux.presentation import tableau_html
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from trees.counting import count_trees
 from trees.drawing import svg
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
 
 MOST_TREES = 300
 """Largest number of trees on a page: those up to eight nodes without colours, up to five with two."""
@@ -125,7 +128,7 @@ def _row(term: SeriesTerm, names: tuple[str, ...] | None) -> TermRow:
     )
 
 
-def _number(value: Any) -> float:
+def _number(value: Coefficient) -> float:
     """The value as a double; NaN for a formula in the symbols of the tableau."""
     try:
         return float(value)
@@ -158,7 +161,7 @@ class StabilityShapes(NamedTuple):
     poles: tuple[complex, ...]  # the poles of R in the window
 
 
-def stability_shapes(method: Any) -> StabilityShapes:
+def stability_shapes(method: RungeKutta | str) -> StabilityShapes:
     """The values of log |R| and log |R e^(−z)| in a window around the stability region.
 
     Args:

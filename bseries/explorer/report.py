@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bseries.explorer.flows import SPAN, SceneFlows
+from bseries.explorer.flows import SPAN, SceneFlows, View
 from bseries.explorer.method_facts import method_facts, region_of
 from bseries.explorer.plots import FILL, FLOWS, ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import checked_method, checked_scene
@@ -102,7 +102,7 @@ def _add_frames(plots: ScenePlots, flows: SceneFlows, progress: Callable[[int, i
     return choose
 
 
-def _views(flows: SceneFlows, h: float, scale: float) -> Iterator[tuple[str, Any]]:
+def _views(flows: SceneFlows, h: float, scale: float) -> Iterator[tuple[str, View]]:
     yield "numerical", flows.numerical(h, scale)
     yield "exact", flows.exact(h, scale)
     for terms in range(1, flows.terms + 1):

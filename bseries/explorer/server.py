@@ -162,7 +162,7 @@ class Explorer:
         await asyncio.wait([task], timeout=PATIENCE)
         self._pages[context.id] = request, task
 
-    def forget(self, context: Any) -> None:
+    def forget(self, context: SessionContext) -> None:
         """Forget a page that was closed."""
         self._pages.pop(context.id, None)
 
@@ -222,7 +222,7 @@ class Explorer:
 class LivePage:
     """Keeps the pictures of a page at the values of its sliders: whatever moves meanwhile is computed next."""
 
-    def __init__(self, document: Any, workers: Workers, request: Request, plots: ScenePlots):
+    def __init__(self, document: Document, workers: Workers, request: Request, plots: ScenePlots):
         self._document, self._workers, self._request, self._plots = document, workers, request, plots
         self._is_wanted = self._is_running = False
         self._orbits_h: float | None = None  # the step size of the orbits that are shown
@@ -274,7 +274,7 @@ class LivePage:
                 return
         self._orbits_h = h
 
-    def _show(self, flows: tuple[str, ...], numbers: Any, sentence: str) -> None:
+    def _show(self, flows: tuple[str, ...], numbers: np.ndarray | None, sentence: str) -> None:
         self._plots.sentence.text = escape(sentence)
         if numbers is not None:
             self._plots.news.data = {" ".join(flows): numbers}
@@ -384,7 +384,7 @@ class Listener(socket.socket):
         self.setblocking(False)
         self.port: int = self.getsockname()[1]
 
-    def accept(self) -> Any:
+    def accept(self) -> tuple[socket.socket, tuple[str, int]]:
         """The next connection; the server takes errors but this one for its own."""
         try:
             return super().accept()

@@ -23,12 +23,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import reduce
-from typing import Any
+from typing import TypeAlias
 
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_smooth
+from bseries.fields.inputs import Formula, check_smooth
 from bseries.fields.polynomials import (
     Element,
     GeneratedRing,
@@ -49,6 +49,10 @@ FAMILIES = {**dict.fromkeys(CIRCULAR, CIRCULAR), **dict.fromkeys(HYPERBOLIC, HYP
 """Functions with addition theorems, and the families that share basic arguments."""
 
 MOST_MULTIPLE = 50  # larger multiples of an argument count as independent, since addition theorems would be too long
+
+Row: TypeAlias = dict[Monomial, Fraction]
+Argument: TypeAlias = frozenset[tuple[Monomial, Fraction]]
+"""The argument of a function: the terms of a polynomial."""
 
 MOST_FACTORED = 60  # polynomials with more monomials are not factored, which can take seconds
 
@@ -86,7 +90,8 @@ class DifferentialRing(GeneratedRing):
         self._known: dict[sympy.Expr, Element] = {}
         # Constants come last: x and x + π/3 have the basis x and π/3.
         self._lattices = {family: Lattice(lambda m: (self._varies(m), m)) for family in FAMILIES.values()}
-        self._functions: dict[tuple[str, frozenset[Any]], Any] = {}
+        self._exponentials_of: dict[Argument, int] = {}
+        self._pairs_of: dict[tuple[str, Argument], tuple[Element, Element]] = {}
         for i, variable in enumerate(self.variables):
             k = self.add_function(variable, lambda j, i=i: self.coerce(int(i == j)))
             self._known[variable] = self.generator(k)
@@ -98,17 +103,18 @@ class DifferentialRing(GeneratedRing):
 
     def _plan(self, formulas: Sequence[sympy.Expr]) -> None:
         """Find the index of every root and the basic arguments, inner and frequent ones first."""
-        arguments: Counter[tuple[int, str, Any]] = Counter()
+        arguments: Counter[tuple[int, str, sympy.Expr]] = Counter()
         for part in (part for formula in formulas for part in sympy.preorder_traversal(formula)):
             if isinstance(part, sympy.Pow):
-                power: Any = part.exp.as_coeff_Add()[0]
+                power = part.exp.as_coeff_Add()[0]
                 bases = dict(prime_factors(int(part.base))) if _is_positive_integer(part.base) else [part.base]
+                index = _fraction(power).denominator if power.is_Rational else 1
                 for base in bases:
-                    self.indices[base] = math.lcm(self.indices.get(base, 1), power.q if power.is_Rational else 1)
+                    self.indices[base] = math.lcm(self.indices.get(base, 1), index)
             elif name := _name(part):
                 arguments[_depth(part), name, _argument(part)] += 1
 
-        def rank(key: tuple[int, str, Any]) -> tuple[Any, ...]:
+        def rank(key: tuple[int, str, sympy.Expr]) -> tuple[int, int, bool, str, str]:
             depth, name, argument = key
             return depth, -arguments[key], argument.could_extract_minus_sign(), name, str(argument)
 
@@ -127,15 +133,14 @@ class DifferentialRing(GeneratedRing):
             found = self._known[formula] = self._interpret(formula)
         return found
 
-    def _interpret(self, formula: Any) -> Element:
+    def _interpret(self, formula: sympy.Expr) -> Element:
         if formula.is_Rational or formula.is_Float:
-            exact: Any = sympy.Rational(formula)  # floats are exact binary fractions
-            return self.coerce(Fraction(int(exact.p), int(exact.q)))
-        if formula.is_Add:
+            return self.coerce(_fraction(formula))
+        if isinstance(formula, sympy.Add):
             return self.dot((1, self.element(part)) for part in formula.args)
-        if formula.is_Mul:
+        if isinstance(formula, sympy.Mul):
             return math.prod(map(self.element, formula.args), start=self.coerce(1))
-        if formula.is_Pow:
+        if isinstance(formula, sympy.Pow):
             return self._power(formula)
         name = _name(formula)
         if name:
@@ -155,11 +160,11 @@ class DifferentialRing(GeneratedRing):
 
         return self.generator(self.add_function(formula, derivative))
 
-    def _power(self, formula: Any) -> Element:
+    def _power(self, formula: sympy.Pow) -> Element:
         base, power = formula.args
         shift, rest = power.as_coeff_Add()
         if power.is_Rational:
-            exponent = Fraction(int(power.p), int(power.q))
+            exponent = _fraction(power)
             if exponent.denominator > 1 and base.is_negative and base.is_number:
                 return self._opaque(formula)  # the principal value is not real
             if exponent.denominator > 1 and _is_positive_integer(base):
@@ -172,7 +177,7 @@ class DifferentialRing(GeneratedRing):
             return self.raised(self.element(base**rest), Fraction(int(multiple)))
         return self._opaque(formula)
 
-    def _coordinates(self, name: str, argument: sympy.Expr) -> list[tuple[dict[Monomial, Any], int]]:
+    def _coordinates(self, name: str, argument: sympy.Expr) -> list[tuple[Row, int]]:
         """The argument of a function as a sum of multiples of basic arguments."""
         terms = self.element(argument).terms
         found = self._lattices[FAMILIES[name]].coordinates(terms)
@@ -181,11 +186,11 @@ class DifferentialRing(GeneratedRing):
     def _exponential(self, argument: sympy.Expr) -> Element:
         result = self.coerce(1)
         for row, multiple in self._coordinates("exp", argument):
-            key = "exp", frozenset(row.items())
-            if key not in self._functions:
+            key = frozenset(row.items())
+            if key not in self._exponentials_of:
                 basic = self.from_terms(row)
-                self._functions[key] = self.add_exponential(sympy.exp(self.expression(basic)), basic)
-            result = result * self.raised(self.generator(self._functions[key]), Fraction(multiple))
+                self._exponentials_of[key] = self.add_exponential(sympy.exp(self.expression(basic)), basic)
+            result = result * self.raised(self.generator(self._exponentials_of[key]), Fraction(multiple))
         return result
 
     def _periodic(self, name: str, argument: sympy.Expr) -> Element:
@@ -202,18 +207,18 @@ class DifferentialRing(GeneratedRing):
             return s * self.raised(c, Fraction(-1))
         return s if name == family[0] else c
 
-    def _basic_pair(self, row: dict[Monomial, Any], family: Sequence[str]) -> tuple[Element, Element]:
+    def _basic_pair(self, row: Row, family: Sequence[str]) -> tuple[Element, Element]:
         """sin b and cos b of a basic argument: generators, or algebraic numbers."""
         key = family[0], frozenset(row.items())
-        if key not in self._functions:
+        if key not in self._pairs_of:
             basic = self.from_terms(row)
             sine, cosine = (getattr(sympy, name)(self.expression(basic)) for name in family[:2])
             if sine.is_number and sine.is_algebraic and cosine.is_algebraic:
-                self._functions[key] = self.element(sine), self.element(cosine)
+                self._pairs_of[key] = self.element(sine), self.element(cosine)
             else:
                 pair = self.add_pair(sine, cosine, basic, 1 if family is CIRCULAR else -1)
-                self._functions[key] = self.generator(pair.sine), self.generator(pair.cosine)
-        return self._functions[key]
+                self._pairs_of[key] = self.generator(pair.sine), self.generator(pair.cosine)
+        return self._pairs_of[key]
 
     # Writing.
 
@@ -254,7 +259,12 @@ class DifferentialRing(GeneratedRing):
         return replaced if replaced.size < element.size else element
 
 
-def _is_positive_integer(base: Any) -> bool:
+def _fraction(number: sympy.Expr) -> Fraction:
+    """A rational number, or a float, which is an exact binary fraction."""
+    return Fraction(*map(int, sympy.Rational(number).as_numer_denom()))
+
+
+def _is_positive_integer(base: sympy.Expr) -> bool:
     return bool(base.is_Integer and base.is_positive)
 
 
@@ -271,19 +281,19 @@ def _name(formula: sympy.Basic) -> str:
     return name if name in FAMILIES and isinstance(formula, getattr(sympy, name)) else ""
 
 
-def _argument(formula: sympy.Basic) -> Any:
+def _argument(formula: sympy.Basic) -> sympy.Expr:
     """The argument of such a function; SymPy's number e is exp(1) without one."""
-    return formula.args[0] if formula.args else sympy.Integer(1)
+    return next((x for x in formula.args if isinstance(x, sympy.Expr)), sympy.Integer(1))
 
 
 class Lattice:
     """Lattice of polynomials; in its echelon basis each row has its own pivot, the monomial of largest `priority`."""
 
-    def __init__(self, priority: Callable[[Any], Any] = int) -> None:
+    def __init__(self, priority: Callable[[Monomial], tuple[bool, Monomial]]):
         self._priority = priority
-        self._rows: dict[Any, dict[Any, Any]] = {}
+        self._rows: dict[Monomial, Row] = {}
 
-    def insert(self, vector: dict[Any, Any]) -> None:
+    def insert(self, vector: Row) -> None:
         """Extend the lattice by a vector, by Euclid's algorithm on every pivot."""
         while vector:
             pivot = max(vector, key=self._priority)
@@ -295,9 +305,9 @@ class Lattice:
             if pivot in vector:
                 self._rows[pivot], vector = vector, row
 
-    def coordinates(self, vector: dict[Any, Any]) -> list[tuple[dict[Any, Any], int]]:
+    def coordinates(self, vector: Row) -> list[tuple[Row, int]]:
         """A vector as an integer combination of rows; a remainder becomes a new row where possible."""
-        found: list[tuple[dict[Any, Any], int]] = []
+        found: list[tuple[Row, int]] = []
         while vector:
             pivot = max(vector, key=self._priority)
             row = self._rows.setdefault(pivot, vector)
@@ -309,9 +319,9 @@ class Lattice:
         return found
 
 
-def _reduced(vector: dict[Any, Any], row: dict[Any, Any], multiple: int) -> dict[Any, Any]:
+def _reduced(vector: Row, row: Row, multiple: int) -> Row:
     """vector − multiple · row."""
-    found = {m: vector.get(m, 0) - multiple * row.get(m, 0) for m in {**vector, **row}}
+    found = {m: vector.get(m, Fraction(0)) - multiple * row.get(m, 0) for m in {**vector, **row}}
     return {m: x for m, x in found.items() if x}
 
 
@@ -320,7 +330,7 @@ class PowerSeries:
 
     __slots__ = ("_coefficient", "_known", "ring")
 
-    def __init__(self, ring: DifferentialRing, coefficient: Callable[[int], Element]):
+    def __init__(self, ring: GeneratedRing, coefficient: Callable[[int], Element]):
         self.ring = ring
         self._coefficient = coefficient
         self._known: list[Element] = []
@@ -328,7 +338,7 @@ class PowerSeries:
     @classmethod
     def polynomial(cls, *coefficients: Element) -> PowerSeries:
         """The series with these coefficients and zeros."""
-        ring: Any = coefficients[0].ring
+        ring = coefficients[0].ring
         return cls(ring, lambda n: coefficients[n] if n < len(coefficients) else ring.zero)
 
     def __getitem__(self, n: int) -> Element:
@@ -343,7 +353,7 @@ class PowerSeries:
         return PowerSeries(self.ring, coefficient)
 
 
-def combination(ring: DifferentialRing, parts: Sequence[tuple[Element | Number, PowerSeries]]) -> PowerSeries:
+def combination(ring: GeneratedRing, parts: Sequence[tuple[Element | Number, PowerSeries]]) -> PowerSeries:
     """A linear combination of series, with numbers or elements as factors."""
     return PowerSeries(ring, lambda n: ring.dot((x, series[n]) for x, series in parts))
 
@@ -415,16 +425,16 @@ class Expansion:
         others: Sequence[sympy.Expr] = (),
     ):
         self._start = dict(start)
-        self.formulas = DifferentialRing(formulas, start, limit=MOST_MONOMIALS)
+        self.formulas = DifferentialRing(formulas, start)
         self.elements = self.formulas.elements
         used = {k for element in self.elements for k in element.generators}
         values = (self._value(k) for k in sorted(used))
-        self.ring = DifferentialRing([*others, *values], variables, limit=MOST_MONOMIALS)
+        self.ring = DifferentialRing([*others, *values], variables)
 
-    def _value(self, k: int) -> Any:
+    def _value(self, k: int) -> Formula:
         """The value of a generator at h = 0; roots are those of positive numbers, as in the ring."""
-        value: Any = self.formulas.generators[k].xreplace(self._start).doit()  # for derivatives of undefined functions
-        return sympy.powdenest(sympy.together(value), force=True) if isinstance(value, sympy.Pow) else value
+        value: Formula = self.formulas.generators[k].xreplace(self._start).doit()  # derivatives of undefined functions
+        return sympy.powdenest(sympy.together(value), force=True) if value.is_Pow else value
 
     def at(self, point: Sequence[PowerSeries]) -> Composition:
         """The composition with a point, given by a series for every variable in the order of `start`."""

@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import accumulate, chain
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bseries.fields import differential_kernels as kernels
 from bseries.fields import taylor_polynomials
@@ -22,6 +23,12 @@ from bseries.fields.taylor_polynomials import InstructionList, monomial_count
 from integrators.scenes.model.system import VALUE, LocalTerm, Place, System
 from integrators.scenes.particles.parts import Family, Piece, degree, family_of, supports
 from trees.table import TreeTable
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+
+N = TypeVar("N")
+T = TypeVar("T")
 
 Forest = int  # the index of a forest of children; 0 is the empty forest
 
@@ -153,29 +160,30 @@ def find_required_tensors(
     return RequiredTensors([term for term in terms if term.ranks], children, forests)
 
 
-class TableBuilder:
+class TableBuilder(Generic[N]):
     """Builder of the tables that the kernels read; `convert` makes the numbers of the computation from exact ones."""
 
     def __init__(
         self,
         table: TreeTable,
         required: RequiredTensors,
-        weights: Sequence[Any],
+        weights: Sequence[Coefficient],
         dimension: int,
-        convert: Callable[[Any], Any],
+        convert: Callable[[Coefficient], N],
     ):
         self.table, self.required, self.weights = table, required, weights
         self.dimension, self.convert = dimension, convert
         self.order = table.max_order
-        self.rows: dict[int, list[Any]] = defaultdict(list)
+        self.rows: dict[int, list[int | tuple[int, ...]]] = defaultdict(list)
+        self.numbers: dict[int, list[Coefficient]] = defaultdict(list)
         self.places = [np.zeros(0, np.uint64)]
-        self.known: dict[Any, int] = {}
+        self.known: dict[tuple[int, tuple[object, ...]], int] = {}
         self.child_number = {tree: at for at, tree in enumerate(required.children)}
         self.trees_of: dict[int, list[int]] = defaultdict(list)
         for tree, forest in enumerate(required.forests.of_tree):
             self.trees_of[forest].append(tree)
 
-    def build(self) -> tuple[Any, list[Any]]:
+    def build(self) -> tuple[NDArray[np.uint64], list[N]]:
         """All tables, as unsigned integers and numbers."""
         sums = locals_ = largest = 0
         for tensors in self.required.terms:
@@ -191,23 +199,23 @@ class TableBuilder:
         tables = [np.array(self.rows[table], np.uint64).ravel() for table in kernels.TABLES if table != kernels.PLACE]
         tables.append(np.concatenate(self.places))
         sizes = [len(counts) + len(kernels.TABLES) + len(kernels.NUMBER_TABLES), *map(len, tables)]
-        number_sizes = [0, *(len(self.rows[table]) for table in kernels.NUMBER_TABLES)]
+        number_sizes = [0, *(len(self.numbers[table]) for table in kernels.NUMBER_TABLES)]
         head = [*counts, *accumulate(sizes[:-1]), *accumulate(number_sizes[:-1])]
-        numbers = [self.convert(x) for table in kernels.NUMBER_TABLES for x in self.rows[table]]
+        numbers = [self.convert(x) for table in kernels.NUMBER_TABLES for x in self.numbers[table]]
         return np.concatenate([np.array(head, np.uint64), *tables]), numbers
 
     def _add_term(self, tensors: TermTensors, program: InstructionList, degree: int) -> None:
-        term, rows = tensors.term, self.rows
+        term, rows, numbers = tensors.term, self.rows, self.numbers
         variables, first_argument = len(term.arguments), len(rows[kernels.DIFFERENCE])
         rows[kernels.DIFFERENCE] += [int(argument.minus is not None) for argument in term.arguments]
         first_instruction = len(rows[kernels.INSTRUCTION])
         for instruction in program.instructions:
-            begin = self._shared_offset(kernels.PRODUCT, instruction.products)
-            factor = len(rows[kernels.FACTOR])
-            rows[kernels.FACTOR] += taylor_polynomials.factors(instruction, variables, degree)
+            begin = self._shared_offset(self.rows, kernels.PRODUCT, instruction.products)
+            factor = len(numbers[kernels.FACTOR])
+            numbers[kernels.FACTOR] += taylor_polynomials.factors(instruction, variables, degree)
             operands = (instruction.operation, instruction.result, instruction.first, instruction.second)
             rows[kernels.INSTRUCTION].append((*operands, begin, begin + len(instruction.products), factor))
-            rows[kernels.NUMBER].append(0 if instruction.number is None else instruction.number)
+            numbers[kernels.NUMBER].append(instruction.number)
         ranges = []  # of outputs, by colour
         for outputs in tensors.outputs:
             begin = len(rows[kernels.OUTPUT])
@@ -221,8 +229,8 @@ class TableBuilder:
                 *(term.sites.size, first_place, first_argument, len(rows[kernels.DIFFERENCE]), len(term.data)),
                 *(first_instruction, len(rows[kernels.INSTRUCTION])),
                 *(program.result, degree, monomial_count(variables, degree)),
-                self._shared_offset(kernels.RAISED, taylor_polynomials.raised_monomials(variables, degree)),
-                self._shared_offset(kernels.FACTORIAL, taylor_polynomials.factorials(variables, degree)),
+                self._shared_offset(self.rows, kernels.RAISED, taylor_polynomials.raised_monomials(variables, degree)),
+                self._shared_offset(self.numbers, kernels.FACTORIAL, taylor_polynomials.factorials(variables, degree)),
                 *(groups, groups + len(children) * variables, ranges[0][0], ranges[-1][1]),
                 *(len(rows[kernels.LEVEL]) - self.order - 1, len(rows[kernels.CHILD_LEVEL]) - self.order - 1),
             )
@@ -230,21 +238,21 @@ class TableBuilder:
 
     def _add_places(self, tensors: TermTensors) -> None:
         """Add the places of local variables, outputs and data, for each row of sites."""
-        sites, values = tensors.term.sites, self.rows[kernels.DATUM_VALUE]
+        sites, values = tensors.term.sites, self.numbers[kernels.DATUM_VALUE]
         places = [place for plus, minus in tensors.term.arguments for place in (plus, minus or plus)]
         places += [output.place for output in chain(*tensors.outputs)]
         for datum in tensors.term.data:
             places.append(Place(datum.role, len(values), 1))
             values += datum.values
-        rows: Any = np.fromiter(chain.from_iterable(sites.rows()), np.int64).reshape(-1, max(1, sites.roles)).T
-        columns: Any = [place.at(rows) for place in places]
+        rows = np.fromiter(chain.from_iterable(sites.rows()), np.int64).reshape(-1, max(1, sites.roles)).T
+        columns = [place.offset + place.stride * rows[place.role] for place in places]
         self.places.append(np.stack(columns, axis=1).astype(np.uint64).ravel())
 
-    def _shared_offset(self, table: int, values: tuple[Any, ...]) -> int:
+    def _shared_offset(self, tables: dict[int, list[T]], table: int, values: tuple[T, ...]) -> int:
         """The offset of values in a table, where equal values are stored once."""
         if (table, values) not in self.known:
-            self.known[table, values] = len(self.rows[table])
-            self.rows[table] += values
+            self.known[table, values] = len(tables[table])
+            tables[table] += values
         return self.known[table, values]
 
     def _add_contractions(self, tensors: TermTensors, ranges: list[tuple[int, int]]) -> tuple[int, list[int]]:
@@ -254,7 +262,9 @@ class TableBuilder:
         children = sorted({forests.right[forest] for forest in wanted if forest})
         local = {tree: at for at, tree in enumerate(children)}
         orders, colors = self.table.lists[:2]
-        directions = [(self._shared_offset(kernels.DIRECTION, chosen), len(chosen)) for chosen in tensors.directions]
+        directions = [
+            (self._shared_offset(self.rows, kernels.DIRECTION, chosen), len(chosen)) for chosen in tensors.directions
+        ]
         offset, groups = self._offsets(tensors, wanted)
         rows[kernels.LEVEL].append(len(rows[kernels.CONTRACTION]))
         for n in range(1, self.order + 1):
@@ -297,7 +307,7 @@ class TableBuilder:
                 continue
             if self.weights[tree] != 0:
                 self.rows[kernels.USE].append((0, first, last))
-                self.rows[kernels.WEIGHT].append(self.weights[tree])
+                self.numbers[kernels.WEIGHT].append(self.weights[tree])
             if tree in self.child_number:
                 self.rows[kernels.USE].append((1 + self.child_number[tree], first, last))
-                self.rows[kernels.WEIGHT].append(0)
+                self.numbers[kernels.WEIGHT].append(0)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
-from bseries.fields.polynomials import Element
+from bseries.fields.polynomials import Element, Number
 from trees.counting import check_order
 from trees.tree import Tree
 
@@ -38,7 +38,7 @@ class DerivativeTowers:
         by_left: dict[Tree | None, list[tuple[Element | Fraction, Tree]]] = {}
         for tree, c in coefficients.items():
             by_left.setdefault(tree.left, []).append((c, tree))
-        parts: list[tuple[Any, Tensor]] = []
+        parts: list[tuple[Element | Number, Tensor]] = []
         for left, group in by_left.items():
             if left is None:
                 parts += [(c, self.tensor(tree, 0)) for c, tree in group]
@@ -83,9 +83,9 @@ class DerivativeTowers:
                     products.setdefault((i, alpha[:at] + alpha[at + 1 :]), []).append((element, component))
         return {key: element for key, pairs in products.items() if (element := self.ring.dot(pairs))}
 
-    def _combined(self, parts: Iterable[tuple[Any, Tensor]]) -> Tensor:
+    def _combined(self, parts: Iterable[tuple[Element | Number, Tensor]]) -> Tensor:
         """A linear combination of tensors."""
-        summands: dict[Key, list[tuple[Any, Element]]] = {}
+        summands: dict[Key, list[tuple[Element | Number, Element]]] = {}
         for factor, tensor in parts:
             for key, element in tensor.items():
                 summands.setdefault(key, []).append((factor, element))

@@ -12,19 +12,28 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import mpmath
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bseries.exact.domains import to_float
 from bseries.exceptions import SeriesError
 from bseries.fields import differential_kernels as kernels
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.differential_tables import TableBuilder, find_required_tensors
-from bseries.fields.inputs import in_threads, read_states, read_step, warn_where_not_finite
+from bseries.fields.inputs import MpNumber, Numeral, Point, in_threads, read_states, read_step, warn_where_not_finite
+from bseries.fields.scene_trees import SeriesOnScene
 from bseries_base.errors import BSeriesError
 from integrators.reference.plain_steps import Arithmetic
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.uint64]
+N = TypeVar("N")
 
 CHUNK_ROWS = 64  # rows of sites evaluated together when there are many points
 MOST_LANES = 40
@@ -34,7 +43,7 @@ MOST_MONOMIALS = 150  # formulas with more monomials are abandoned
 
 
 @cache
-def evaluator() -> Any:
+def evaluator() -> Callable[..., None]:
     """The evaluation kernel as a C function of pointers."""
     from numba import types
 
@@ -46,7 +55,7 @@ def evaluator() -> Any:
 class CompiledSeries:
     """A `SceneSeries` as compiled functions of doubles."""
 
-    def __init__(self, series: Any, route: str):
+    def __init__(self, series: SeriesOnScene, route: str):
         self.series = series
         self._wanted = route
         _ = series.scene.numeric_terms  # refuses symbols
@@ -57,7 +66,7 @@ class CompiledSeries:
             )
 
     @cached_property
-    def tables(self) -> tuple[Any, Any]:
+    def tables(self) -> tuple[Ints, Array]:
         """The tables of the kernels."""
         ints, numbers = build_tables(self.series, self.series.weights, to_float)
         return ints, np.array(numbers, float)
@@ -99,7 +108,7 @@ class CompiledSeries:
         empty, message = to_float(self.series.empty), f"y and out must have {dimension} entries"
 
         @njit(nogil=True, error_model="numpy", fastmath={"contract"})
-        def compiled(y: Any, h: float, out: Any) -> None:
+        def compiled(y: Array, h: float, out: Array) -> None:
             """Write the value at y to out."""
             if y.size != dimension or out.size != dimension:
                 raise ValueError(message)
@@ -115,7 +124,7 @@ class CompiledSeries:
 
         return compiled
 
-    def value(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
+    def value(self, y: ArrayLike, h: float, workers: int = 1) -> np.ndarray:
         """The value at one point or many."""
         states, shape = read_states(y, self.series.dimension)
         step = read_step(h)
@@ -134,7 +143,7 @@ class CompiledSeries:
         warn_where_not_finite(out.T, f"{self.series.label} on {self.series.scene.name}", step, stacklevel=4)
         return out.T.reshape(shape)
 
-    def terms(self, y: Any, workers: int = 1) -> np.ndarray:
+    def terms(self, y: ArrayLike, workers: int = 1) -> np.ndarray:
         """The terms by order."""
         states, shape = read_states(y, self.series.dimension)
         return self.terms_at(states, workers).transpose(0, 2, 1).reshape(self.series.order, *shape)
@@ -168,19 +177,21 @@ class CompiledSeries:
         return math.ceil(rows / math.ceil(rows / MOST_LANES))
 
 
-def _pointer(array: np.ndarray) -> Any:
+def _pointer(array: Array | Ints) -> ctypes._Pointer:
     """A pointer to a contiguous array of doubles or unsigned integers."""
     kind = ctypes.c_uint64 if array.dtype == np.uint64 else ctypes.c_double
     return array.ctypes.data_as(ctypes.POINTER(kind))
 
 
-def contractions(ints: Any) -> int:
+def contractions(ints: Ints) -> int:
     """The number of contractions in the tables."""
     table = kernels.CONTRACTION
     return int(ints[table + 1] - ints[table]) // int(kernels.CONTRACTION_ROW)
 
 
-def build_tables(series: Any, weights: Sequence[Any], convert: Callable[[Any], Any]) -> tuple[Any, list[Any]]:
+def build_tables(
+    series: SeriesOnScene, weights: Sequence[Coefficient], convert: Callable[[Coefficient], N]
+) -> tuple[Ints, list[N]]:
     """The tables of the kernels, with numbers made by `convert`."""
     trees, scene = series.trees, series.scene
     needs = find_required_tensors(trees.table, [weight != 0 for weight in weights], scene, trees.pieces)
@@ -197,7 +208,7 @@ CONSTANTS = ("TERM_ROW", "INSTRUCTION_ROW", "CONTRACTION_ROW", "ZERO", "ONE", "T
 class PreciseSeries:
     """A `SceneSeries` evaluated with a given number of digits; decimal coefficients count as exact."""
 
-    def __init__(self, series: Any, digits: int):
+    def __init__(self, series: SeriesOnScene, digits: int):
         self.series, self.arithmetic = series, Arithmetic(digits)
         with self.arithmetic.working():
             values = zip(series.series.coefficients(), series.trees.table.symmetry.tolist(), strict=True)
@@ -206,13 +217,13 @@ class PreciseSeries:
             self._empty = number(series.empty)
         self._ints = ints.astype(np.int64)
         self._numbers = np.array([*numbers, None], object)[:-1]
-        names: dict[str, Any] = {name: getattr(mpmath, name) for name in FUNCTIONS}
+        names: dict[str, object] = {name: getattr(mpmath, name) for name in FUNCTIONS}
         names |= {name: int(getattr(kernels, name)) for name in CONSTANTS}
         names["np"] = SimpleNamespace(uint64=int)
         self._sweep = kernels.sweep.interpreted(**names)
         self._sizes = kernels.workspace.interpreted(**names)(self._ints, 1, 1)
 
-    def terms(self, y: Any) -> list[list[Any]]:
+    def terms(self, y: Point) -> list[list[MpNumber]]:
         """The terms by order at one point, as a list of vectors."""
         size, ints = self.series.dimension, self._ints
         groups, places = map(int, self._sizes)
@@ -231,7 +242,7 @@ class PreciseSeries:
             raise SeriesError("y must lie in the domain of the field, but a formula was not real there")
         return out.tolist()
 
-    def __call__(self, y: Any, h: Any) -> list[Any]:
+    def __call__(self, y: Point, h: Numeral) -> list[MpNumber]:
         """The value at one point; numbers may be strings, fractions or numbers of mpmath."""
         with self.arithmetic.working():
             point, step = self.arithmetic.read(y, "y"), self.arithmetic.number(h, "h")

@@ -4,20 +4,34 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shorten, shown
 from bseries_base.interrupts import mapped
-from integrators.core.errors import shorten, shown
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
+    from numpy.typing import ArrayLike
+
+Step: TypeAlias = "float | Fraction | sympy.Expr"
+
+Formula: TypeAlias = Any
+"""A `sympy.Expr` made by functions of SymPy for which type checkers infer `Basic`, or several types."""
+
+MpNumber: TypeAlias = Any
+"""A number of mpmath, whose classes are made at run time, so that type checkers do not know their operations."""
+
+Numeral: TypeAlias = "str | Step | MpNumber"
+"""A number of any kind, also as text."""
+Point: TypeAlias = "Sequence[Numeral] | np.ndarray"
 
 
-def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
+def read_states(y: ArrayLike, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
     """Read a point (size,) or n points (size, n) as contiguous rows of doubles; returns also the original shape."""
     import numpy as np
 
@@ -36,7 +50,7 @@ def read_states(y: Any, size: int) -> tuple[np.ndarray, tuple[int, ...]]:
     return np.ascontiguousarray(array.reshape(size, -1).T), array.shape
 
 
-def read_step(h: Any, argument: str = "h") -> float:
+def read_step(h: object, argument: str = "h") -> float:
     """Read a step size or another parameter as a double."""
     if isinstance(h, bool) or not isinstance(h, Real):
         raise SeriesError(f"{argument} must be a real number, but was {h!r:.60}")
@@ -62,16 +76,17 @@ def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: 
         warnings.warn(message, RuntimeWarning, stacklevel=stacklevel)
 
 
-def read_symbolic_step(h: Any, argument: str = "h") -> Any:
+def read_symbolic_step(h: object, argument: str = "h") -> sympy.Expr:
     """Read a step size or another small parameter as a SymPy expression."""
     import sympy
 
     if isinstance(h, bool) or not isinstance(h, Real | sympy.Expr):
         raise SeriesError(f"{argument} must be a number or a SymPy expression, but was {h!r:.60}")
-    return sympy.sympify(h, strict=True)
+    step: Formula = sympy.sympify(h, strict=True)
+    return step
 
 
-def power_sum(terms: Iterable[sympy.Expr], h: Any, argument: str = "h", *, first: int = 0) -> sympy.Expr:
+def power_sum(terms: Iterable[sympy.Expr], h: Step, argument: str = "h", *, first: int = 0) -> sympy.Expr:
     """Σ h^k · term for a step size or another small parameter, with k counted from `first`."""
     import sympy
 
@@ -79,13 +94,13 @@ def power_sum(terms: Iterable[sympy.Expr], h: Any, argument: str = "h", *, first
     return sympy.Add(*(term * step**k for k, term in enumerate(terms, first)))
 
 
-def check_power(k: Any, last: int, of: str = "h") -> None:
+def check_power(k: object, last: int, of: str = "h") -> None:
     """Check that k is an exponent from 0 to `last`."""
     if isinstance(k, bool) or not isinstance(k, int) or not 0 <= k <= last:
         raise SeriesError(f"k must be a power of {of} from 0 to {last}, but was {k!r:.60}")
 
 
-def in_threads(work: Callable[[slice], Any], size: int, workers: int) -> None:
+def in_threads(work: Callable[[slice], object], size: int, workers: int) -> None:
     """Run a function on slices of all points in several threads; compiled code releases the GIL."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise SeriesError(f"workers must be a whole number ≥ 1, but was {workers!r:.60}")

@@ -1,26 +1,21 @@
-"""Series on scenes: modified fields, modifying fields and steps with them, truncated maps.
-
-The colours of trees are pieces of the field, and formulas bound the numbers of children. For a method with one part the
-scene may still be split into blocks of variables. Simple blocks have fewer coloured trees than the whole field has
-trees in one colour (123 in place of 200 to order 8 for a separable Hamiltonian with quadratic kinetic energy), so the
-smaller table is used.
-"""
+"""Series on scenes: modified fields, modifying fields and steps with them, truncated maps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation, series
-from bseries.algebra.stages import auxiliary_colors, check_method
+from bseries.algebra.stages import check_method
 from bseries.algebra.substitution import modifying_integrator
 from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.elementary_differentials import FLOAT_DIGITS, SymbolicSeries
-from bseries.fields.inputs import check_power, read_states
+from bseries.fields.inputs import MpNumber, Numeral, Point, check_power, read_states
+from bseries.fields.scene_trees import SceneTrees, flat_fields, trees_of_method, trees_of_series
 from bseries.scene_text import field_equations, first_powers, formula_notes, head, place, remarks, short_powers, span
 from bseries_base.formulas import formula_text
 from bseries_base.table import PRINT_WIDTH, Column, Table, listed
@@ -28,17 +23,17 @@ from integrators.core.immutable import cached_method
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.particles.expansion import flat_field
-from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
-from trees.counting import count_trees
 from trees.free_trees import grafting
-from trees.table import TreeTable, tree_table
+from trees.table import TreeTable
 
 if TYPE_CHECKING:
     import numpy as np
     import sympy
+    from numpy.typing import ArrayLike
 
+    from bseries.exact.domains import Coefficient
     from bseries.fields.evaluation import CompiledSeries, PreciseSeries
 
 ROUTES = ("auto", "towers", "symbolic")
@@ -48,53 +43,6 @@ MEANINGS = {
     "field": "As a formal series: the numerical solution follows y' = Σ h^k · (coefficient of h^k).",
     "map": "The map is y1 = Σ h^k · (coefficient of h^k).",
 }
-
-
-class SceneTrees(NamedTuple):
-    """The trees of a method on a scene."""
-
-    pieces: tuple[Piece, ...]  # of the field, for each colour
-    table: TreeTable  # the trees whose elementary differentials need not vanish on the scene
-    shapes: TreeTable  # the table for the series of the method: `table`, or one without colours
-    total: int  # the number of trees of this order in the colours of `table` without bounds on children
-
-
-def trees_of_method(method: Method, order: int, scene: Scene, parts: Any = None) -> SceneTrees:
-    """The trees needed for the series of a method on a scene."""
-    check_method(method)
-    if auxiliary_colors(method):
-        raise SeriesError(f"method must treat parts of the field, but {method.name} has an auxiliary matrix as a part")
-    pieces = pieces_of(method.names, scene, parts)
-    bounds = degrees(scene, pieces)
-    check_kind(method.name, method.max_children, pieces, scene)
-    table = tree_table(order, len(pieces), bounds)
-    choices = [SceneTrees(pieces, table, table, sum(count_trees(order, len(pieces))))]
-    if len(pieces) == 1 and len(scene.blocks) > 1:
-        blocks = tuple(Piece(frozenset([block.name])) for block in scene.blocks)
-        finer = degrees(scene, blocks)
-        if sum(count_trees(order, len(blocks), finer)) < len(table):
-            total = sum(count_trees(order, len(blocks)))
-            choices.append(SceneTrees(blocks, tree_table(order, len(blocks), finer), table, total))
-    return min(choices, key=lambda choice: len(choice.table))
-
-
-def trees_of_series(series: BSeries, scene: Scene, parts: Any = None) -> SceneTrees:
-    """All trees of a given series, with the pieces of the scene."""
-    pieces = pieces_of(series.names, scene, parts)
-    total = sum(count_trees(series.order, len(pieces)))
-    return SceneTrees(pieces, series.table, series.table, total)
-
-
-def flat_fields(scene: Scene, pieces: Sequence[Piece]) -> list[tuple[sympy.Expr, ...]]:
-    """The field of each piece: one formula for each variable of the scene."""
-    blocks = [block.name for block in scene.blocks for _ in block.variables]
-    return [
-        tuple(
-            formula if piece.blocks is None or block in piece.blocks else formula * 0
-            for formula, block in zip(flat_field(scene, piece.part), blocks, strict=True)
-        )
-        for piece in pieces
-    ]
 
 
 class SceneSeries:
@@ -124,7 +72,7 @@ class SceneSeries:
         self.scene, self.trees, self.series, self._wanted = scene, trees, series, route
         self.label = series.label or "a series"
         self.order, self.dimension, self.variables = trees.table.max_order, scene.dimension, scene.variables
-        self.empty: Any = series.empty  # the coefficient of the empty tree: 0 for a field, not a map
+        self.empty = series.empty  # the coefficient of the empty tree: 0 for a field, not a map
         self.is_field = series.empty == 0
 
     def __repr__(self) -> str:
@@ -145,7 +93,7 @@ class SceneSeries:
         """The numbers of trees that are needed, and of all trees."""
         return f"{len(self.trees.table):,} of {self.trees.total:,} trees"
 
-    def __call__(self, y: Any, h: float, *, workers: int = 1) -> np.ndarray:
+    def __call__(self, y: ArrayLike, h: float, *, workers: int = 1) -> np.ndarray:
         """The value at one point or many.
 
         A `TruncationWarning` is given if a field is beyond its reach at one of up to 32 of the points. `compiled` and
@@ -170,7 +118,7 @@ class SceneSeries:
             warn_beyond_reach(self, states, float(h), f"{self.label} on {self.scene.name}", stacklevel=3)
         return value
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[partial[SceneSeries], tuple[Scene, SceneTrees, BSeries]]:
         return partial(SceneSeries, route=self._wanted), (self.scene, self.trees, self.series)
 
     @property
@@ -185,7 +133,7 @@ class SceneSeries:
 
         return CompiledSeries(self, self._wanted)
 
-    def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
+    def terms(self, y: ArrayLike, *, workers: int = 1) -> np.ndarray:
         """The terms by order at one point or many, without the powers of h.
 
         Args:
@@ -198,11 +146,11 @@ class SceneSeries:
         return self.evaluator.terms(y, workers)
 
     @property
-    def compiled(self) -> Any:
+    def compiled(self) -> Callable[..., None]:
         """A numba function (y, h, out) for other compiled code; it writes the value to `out`."""
         return self.evaluator.compiled
 
-    def precise(self, y: Any, h: Any, digits: int = 50) -> list[Any]:
+    def precise(self, y: Point, h: Numeral, digits: int = 50) -> list[MpNumber]:
         """The value at one point with a given number of digits, as numbers of mpmath.
 
         Args:
@@ -227,7 +175,7 @@ class SceneSeries:
         return PreciseSeries(self, digits)
 
     @cached_property
-    def weights(self) -> list[Any]:
+    def weights(self) -> list[Coefficient]:
         """The factors coefficient/σ of the elementary differentials."""
         return self.series.weights()
 
@@ -324,7 +272,7 @@ class SceneSeries:
         )
 
 
-def check_field(f: Any) -> SceneSeries:
+def check_field(f: object) -> SceneSeries:
     """Check that an argument is a field on a scene, and return it."""
     if not isinstance(f, SceneSeries):
         raise SeriesError(f"f must be a field, such as modified_field gives, but was {f!r:.60}")
@@ -338,7 +286,7 @@ def modified_field(
     scene: Scene | str,
     order: int | None = None,
     *,
-    parts: Any = None,
+    parts: Parts | None = None,
     route: str = "auto",
 ) -> SceneSeries:
     """The truncated modified equation y' = f_h(y) of a method on a scene.
@@ -375,7 +323,7 @@ def modifying_field(
     scene: Scene | str,
     order: int | None = None,
     *,
-    parts: Any = None,
+    parts: Parts | None = None,
     route: str = "auto",
 ) -> SceneSeries:
     """The modifying field of a method on a scene: the method applied to it solves y' = f(y).
@@ -405,7 +353,7 @@ def series_map(
     scene: Scene | str,
     order: int | None = None,
     *,
-    parts: Any = None,
+    parts: Parts | None = None,
     route: str = "auto",
 ) -> SceneSeries:
     """The truncated B-series of a method on a scene, as a map y ↦ a(∅) y + Σ h^|τ|/σ(τ) a(τ) F(τ)(y).
@@ -427,7 +375,13 @@ def series_map(
 
 
 def _make(
-    method: Any, scene: Scene | str, order: int | None, parts: Any, route: str, series_of: Any, title: str
+    method: Method | BSeries | str,
+    scene: Scene | str,
+    order: int | None,
+    parts: Parts | None,
+    route: str,
+    series_of: Callable[[Method, TreeTable], BSeries],
+    title: str,
 ) -> SceneSeries:
     method, scene = as_method(method), as_scene(scene)
     nodes = read_order(method, order, is_map=series_of is series)
@@ -455,7 +409,7 @@ def shapes(table: TreeTable, plain: TreeTable) -> list[int]:
     return found
 
 
-def read_order(method: Any, order: int | None, *, is_map: bool = False) -> int:
+def read_order(method: Method | BSeries, order: int | None, *, is_map: bool = False) -> int:
     """The order, by default that of a series; refuses what is no method, or a series of the other kind."""
     if not isinstance(method, BSeries):
         check_method(method)
@@ -472,11 +426,11 @@ def modifying_steps(
     method: Method | str,
     scene: Scene | str,
     order: int,
-    y: Sequence[Any],
-    h: Any,
+    y: Sequence[Numeral],
+    h: Numeral,
     steps: int,
     *,
-    parts: Any = None,
+    parts: Parts | None = None,
     digits: int | None = None,
 ) -> np.ndarray:
     """Take steps of a method on its modifying field: a method of higher order with the same geometric properties.
@@ -519,7 +473,7 @@ def modifying_steps(
         step = arithmetic.number(h, "h")
     values = f.evaluator.value if digits is None else f.at_digits(digits)
 
-    def field(state: Any) -> Any:
+    def field(state: np.ndarray) -> np.ndarray | list[MpNumber]:
         return values(state, step)
 
     fields = block_parts(field, _part_indices(f, method)) if len(method.names) > 1 else field

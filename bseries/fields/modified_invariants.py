@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import sympy
 from sympy.polys.matrices import DomainMatrix
@@ -13,7 +13,7 @@ from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.fields.inputs import check_power, power_sum
+from bseries.fields.inputs import Formula, Step, check_power, power_sum
 from bseries.fields.modified_fields import SceneSeries, check_field
 from bseries.fields.polynomials import Element
 from bseries.scene_text import power_table
@@ -22,6 +22,10 @@ from bseries_base.table import Table, as_frame, as_html
 from integrators.scenes.model.blocks import poisson_matrix
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
+
+Wave: TypeAlias = "sympy.sin | sympy.cos"
+Sum: TypeAlias = dict[sympy.Expr, sympy.Expr]
+"""A sum of products, as a map from one factor to the other."""
 
 MOST_POWERS = 60  # higher powers of sines or of polynomials are not expanded
 
@@ -46,7 +50,7 @@ class ModifiedInvariant(NamedTuple):
     variables: tuple[sympy.Symbol, ...]
     terms: tuple[sympy.Expr, ...]
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: Step) -> sympy.Expr:
         """The integral for a step size, a number or a symbol.
 
         Raises:
@@ -184,7 +188,7 @@ def inverse_structure(f: SceneSeries) -> list[list[Element]]:
     return [[f.formulas.ring.element(entry) for entry in row] for row in inverse.tolist()]
 
 
-def structure_matrix(scene: Scene) -> list[list[Any]]:
+def structure_matrix(scene: Scene) -> Sequence[Sequence[sympy.Expr | int]]:
     """The structure matrix B(y) of y' = B(y) ∇I(y), with the values of parameters."""
     if scene.poisson is not None and len(scene.poisson) == scene.dimension:
         return [[filled(entry, scene) for entry in row] for row in scene.poisson]
@@ -202,7 +206,7 @@ def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr
     There are rules for powers of polynomials that are linear, or quadratic and even, in a variable, for trigonometric
     polynomials and for exponentials. The function is verified by differentiation.
     """
-    found: Any = sympy.Integer(0)
+    found: sympy.Expr = sympy.Integer(0)
     for i, x in enumerate(ring.variables):
         rest = gradient[i] - ring.derivative(ring.element(found), i)
         part = antiderivative(ring.to_expression(rest, simplify=False), x)
@@ -215,7 +219,7 @@ def potential(ring: DifferentialRing, gradient: Sequence[Element]) -> sympy.Expr
 
 def antiderivative(formula: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     """An antiderivative of a sum of products; None if no rule applies to a product."""
-    coefficients: dict[Any, list[Any]] = defaultdict(list)
+    coefficients: dict[sympy.Expr, list[sympy.Expr]] = defaultdict(list)
     for term in sympy.Add.make_args(formula):
         coefficient, part = term.as_independent(x, as_Add=False) if term.has(x) else (term, sympy.Integer(1))
         coefficients[part].append(coefficient)
@@ -230,18 +234,18 @@ class _NoRule(SeriesError):
     """No rule integrates a product."""
 
 
-def _of_product(product: Any, x: Any) -> Any:
+def _of_product(product: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """∫ x^m f dx, where f is a product of sines and cosines, an exponential, or a power Q(x)^e."""
-    power: Any = sympy.Integer(0)
-    growth: Any = sympy.Integer(0)
-    waves: list[tuple[Any, int]] = []
-    others: list[tuple[Any, Any]] = []
+    power: sympy.Expr = sympy.Integer(0)
+    growth: sympy.Expr = sympy.Integer(0)
+    waves: list[tuple[Wave, int]] = []
+    others: list[tuple[sympy.Expr, sympy.Expr]] = []
     for factor in sympy.Mul.make_args(product):
         base, exponent = factor.as_base_exp()
         if base == x and not exponent.has(x):
             power += exponent
         elif isinstance(factor, sympy.exp):
-            growth += factor.args[0]
+            growth += exponent
         elif isinstance(base, sympy.sin | sympy.cos) and exponent.is_Integer and 0 < exponent <= MOST_POWERS:
             waves.append((base, int(exponent)))
         elif factor != 1:
@@ -255,42 +259,43 @@ def _of_product(product: Any, x: Any) -> Any:
     if kinds == 0:
         return sympy.log(x) if power == -1 else x ** (power + 1) / (power + 1)
     sums = _superposition(waves) if waves else {sympy.exp(growth): 1}
-    return sum(c * _by_parts(_degree(power), wave, x) for wave, c in sums.items())
+    return sympy.Add(*(c * _by_parts(_degree(power), wave, x) for wave, c in sums.items()))
 
 
-def _degree(power: Any) -> int:
+def _degree(power: sympy.Expr) -> int:
     if not power.is_Integer or not 0 <= power <= MOST_POWERS:
         raise _NoRule
     return int(power)
 
 
-def _by_parts(m: int, wave: Any, x: Any) -> Any:
+def _by_parts(m: int, wave: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """∫ x^m e^(kx+c) dx, also with sin, cos or 1 in place of exp, by parts."""
     if not wave.has(x):
         return wave * x ** (m + 1) / (m + 1)
-    k = wave.args[0].diff(x)
+    argument: Formula = wave.args[0]
+    k = argument.diff(x)
     if k.has(x) or not k:
         raise _NoRule
     integrals = {sympy.exp: sympy.exp, sympy.sin: lambda argument: -sympy.cos(argument), sympy.cos: sympy.sin}
-    inner = integrals[type(wave)](wave.args[0]) / k
+    inner = integrals[type(wave)](argument) / k
     if m == 0:
         return inner
     coefficient, other = inner.as_independent(x, as_Add=False)
     return x**m * inner - m * coefficient * _by_parts(m - 1, other, x)
 
 
-def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
+def _superposition(waves: Sequence[tuple[Wave, int]]) -> Sum:
     """A product of powers of sines and cosines as a trigonometric sum, by cos b = (e^(ib) + e^(−ib))/2."""
-    total: dict[Any, Any] = {sympy.Integer(0): sympy.Integer(1)}  # coefficients of e^(ia) by argument a
+    total: Sum = {sympy.Integer(0): sympy.Integer(1)}  # coefficients of e^(ia) by argument a
     for base, times in waves:
         plus, minus = (1, 1) if isinstance(base, sympy.cos) else (-sympy.I, sympy.I)
         for _ in range(times):
-            longer: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
+            longer: Sum = defaultdict(lambda: sympy.Integer(0))
             for a, c in total.items():
                 longer[a + base.args[0]] += plus * c / 2
                 longer[a - base.args[0]] += minus * c / 2
             total = longer
-    found: dict[Any, Any] = defaultdict(lambda: sympy.Integer(0))
+    found: Sum = defaultdict(lambda: sympy.Integer(0))
     for a, c in total.items():
         for formula, factor in ((sympy.cos(a), sympy.re(c)), (sympy.sin(a), -sympy.im(c))):
             sign, wave = formula.as_coeff_Mul()
@@ -298,7 +303,7 @@ def _superposition(waves: Sequence[tuple[Any, int]]) -> dict[Any, Any]:
     return {wave: c for wave, c in found.items() if c}
 
 
-def _of_polynomial_power(m: Any, base: Any, exponent: Any, x: Any) -> Any:
+def _of_polynomial_power(m: sympy.Expr, base: sympy.Expr, exponent: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """∫ x^m Q^e dx by the substitution u = Q, for Q = αx + β or, with odd m, Q = αx² + β."""
     if exponent.has(x) or not base.is_polynomial(x):
         raise _NoRule

@@ -24,10 +24,10 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import cache, lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
-import flint
 import sympy
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from bseries.exceptions import SeriesError
 
@@ -56,7 +56,7 @@ class Element:
 
     __slots__ = ("polynomial", "ring")
 
-    def __init__(self, ring: GeneratedRing, polynomial: Any):
+    def __init__(self, ring: GeneratedRing, polynomial: fmpq_mpoly):
         self.ring = ring
         self.polynomial = polynomial
 
@@ -141,7 +141,7 @@ class GeneratedRing:
         self.variables, self.limit, self.digits = tuple(variables), limit, digits
         self.generators: list[sympy.Expr] = []  # the expressions of the current generators
         self.pairs: list[Pair] = []
-        self.indices: dict[Any, int] = {}  # the common index of the expected roots of a base
+        self.indices: dict[sympy.Expr | int, int] = {}  # the common index of the expected roots of a base
         self._roots: dict[int, Root] = {}
         self._number_roots: dict[int, tuple[int, int]] = {}  # generators p^(1/n), as (p, n)
         self._exponentials: set[int] = set()  # generators e^b
@@ -165,7 +165,7 @@ class GeneratedRing:
     def from_terms(self, terms: Mapping[Monomial, Number]) -> Element:
         """The element with these coefficients, not reduced by the relations."""
         last = self._context.nvars() - 1
-        rows: dict[tuple[int, ...], Any] = {}
+        rows: dict[tuple[int, ...], int | fmpq] = {}
         for monomial, x in terms.items():
             row = [0] * (last + 1)
             for k, e in monomial:
@@ -230,7 +230,7 @@ class GeneratedRing:
             self._derivatives[k, i] = self._derivative_rules[k](i)
         return self._derivatives[k, i]
 
-    def _current(self, element: Element) -> Any:
+    def _current(self, element: Element) -> fmpq_mpoly:
         """The polynomial of an element of this ring, in the present context."""
         if element.ring is not self:
             raise SeriesError("elements must be of one ring, but one was of another")
@@ -238,7 +238,7 @@ class GeneratedRing:
             element.polynomial = element.polynomial.project_to_context(self._context)
         return element.polynomial
 
-    def _reduced(self, polynomial: Any) -> Element:
+    def _reduced(self, polynomial: fmpq_mpoly) -> Element:
         """The normal form."""
         if len(self._relations) == 1:  # one remainder is the normal form
             polynomial = polynomial % self._current(self._relations[0][0])
@@ -441,17 +441,17 @@ def prime_factors(number: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(p), int(e)) for p, e in sympy.factorint(number, limit=2**15).items())
 
 
-def _parts(polynomial: Any) -> Iterator[Any]:
+def _parts(polynomial: fmpq_mpoly) -> Iterator[fmpq_mpoly]:
     """The monomials of a polynomial, for products that may exceed the limit long before they are done."""
     for monomial, x in polynomial.terms():
         yield polynomial.context().from_dict({monomial: x})
 
 
 @cache
-def _context(size: int) -> Any:
+def _context(size: int) -> fmpq_mpoly_ctx:
     """python-flint's polynomials in some generators, the last one leading."""
-    return flint.fmpq_mpoly_ctx.get([f"g{k}" for k in reversed(range(size))], flint.Ordering.lex)
+    return fmpq_mpoly_ctx.get([f"g{k}" for k in reversed(range(size))], Ordering.lex)
 
 
-def _number(value: Number) -> Any:
-    return value if isinstance(value, int) else flint.fmpq(value.numerator, value.denominator)
+def _number(value: Number) -> int | fmpq:
+    return value if isinstance(value, int) else fmpq(value.numerator, value.denominator)

@@ -15,12 +15,15 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations_with_replacement
 from math import comb, factorial, prod
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import sympy
 
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_smooth
+from bseries.fields.inputs import Formula, check_smooth
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
 
 CONSTANT, ARGUMENT, DATUM, ADD, SCALE, SHIFT, MULTIPLY, POWER, EXP, CIRCULAR, HYPERBOLIC, INTEGRAL = range(12)
 """The operations, implemented by `differential_kernels.evaluate_polynomials`."""
@@ -92,11 +95,11 @@ class Instruction(NamedTuple):
     result: int
     first: int = 0
     second: int = 0
-    number: Any = None
+    number: sympy.Expr | int = 0
     products: tuple[tuple[int, int, int], ...] = ()
 
 
-def factors(instruction: Instruction, variables: int, degree: int) -> list[Any]:
+def factors(instruction: Instruction, variables: int, degree: int) -> list[Coefficient]:
     """The factors of the products in a function: |β|/|α|, and (r|β| − |γ|)/|α| for a power r.
 
     With a = a_0 (1 + ã), b = a^r satisfies a E b = r b E a, so that b_α = Σ (r|β| − |γ|)/|α| ã_β b_γ.
@@ -119,12 +122,12 @@ class InstructionList:
         self.variables, self.degree = variables, degree
         self.every: Support = frozenset(range(monomial_count(variables, degree)))
         self.instructions: list[Instruction] = []
-        self.known: dict[Any, int] = {}
+        self.known: dict[object, int] = {}
         self.supports: list[Support] = []  # one for each polynomial
         self.result = self.visit(formula)
 
     def emit(
-        self, operation: int, *operands: int, support: Support | None = None, number: Any = None,
+        self, operation: int, *operands: int, support: Support | None = None, number: sympy.Expr | int = 0,
         triples: tuple[tuple[int, int, int], ...] = (),
     ) -> int:  # fmt: skip
         """Append an instruction; `support` is that of its result, None for all monomials."""
@@ -140,19 +143,19 @@ class InstructionList:
         triples = products(self.variables, self.degree, self.supports[a], self.supports[b], False)
         return self.emit(MULTIPLY, a, b, support=frozenset(alpha for alpha, _, _ in triples), triples=triples)
 
-    def function(self, operation: int, a: int, b: int = 0, number: Any = None) -> int:
+    def function(self, operation: int, a: int, b: int = 0, number: sympy.Expr | int = 0) -> int:
         """A function of polynomial a; `b` is the derivative of an integral, or an operand of the operation."""
         second = self.supports[b] if operation == INTEGRAL else self.every
         triples = products(self.variables, self.degree, self.supports[a], second, True)
         return self.emit(operation, a, b, number=number, triples=triples)
 
-    def visit(self, formula: Any) -> int:
+    def visit(self, formula: sympy.Expr) -> int:
         """The index of the polynomial of a formula."""
         if formula not in self.known:
             self.known[formula] = self._visit(formula)
         return self.known[formula]
 
-    def _visit(self, formula: Any) -> int:
+    def _visit(self, formula: sympy.Expr) -> int:
         if not formula.free_symbols:
             return self.emit(CONSTANT, support=frozenset([0]), number=formula)
         if formula.is_Symbol:
@@ -160,13 +163,13 @@ class InstructionList:
             if kind == "x":
                 return self.emit(ARGUMENT, number, support=frozenset([0, 1 + number]))
             return self.emit(DATUM, number, support=frozenset([0]))
-        if formula.is_Add or formula.is_Mul:
+        if isinstance(formula, sympy.Add | sympy.Mul):
             return self._combine(formula)
-        if formula.is_Pow:
+        if isinstance(formula, sympy.Pow):
             return self._power(formula.base, formula.exp)
         return self._function(formula)
 
-    def _combine(self, formula: sympy.Expr) -> int:
+    def _combine(self, formula: sympy.Add | sympy.Mul) -> int:
         """A sum or product; its numerical part is one SHIFT or SCALE."""
         number, rest = formula.as_coeff_Add() if formula.is_Add else formula.as_coeff_Mul()
         if number != (0 if formula.is_Add else 1):
@@ -196,7 +199,8 @@ class InstructionList:
         return self.function(POWER, at, halves, number=exponent)
 
     def _function(self, formula: sympy.Expr) -> int:
-        name, argument = formula.func.__name__, formula.args[0]
+        name = formula.func.__name__
+        argument: Formula = formula.args[0]
         if name == "exp":
             return self.function(EXP, self.visit(argument))
         if name in ("sin", "cos", "sinh", "cosh"):
@@ -221,7 +225,7 @@ class InstructionList:
         at, derivative = self.visit(argument), self.visit(derivatives[name](argument))
         return self.function(INTEGRAL, at, derivative, number=list(derivatives).index(name))
 
-    def _pair(self, name: str, argument: Any) -> int:
+    def _pair(self, name: str, argument: sympy.Expr) -> int:
         """sin and cos, or sinh and cosh, computed together as two adjacent polynomials."""
         pair = (sympy.sin, sympy.cos) if name in ("sin", "cos") else (sympy.sinh, sympy.cosh)
         key = ("pair", pair, argument)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bseries.exceptions import SeriesError
+from bseries.fields.scene_trees import SeriesOnScene
 from bseries_base.diagrams import draw_legend
 from bseries_base.plotting import BLUE, VERMILION, drawing
 from integrators.runs.titles import write_title
@@ -213,7 +214,7 @@ class Reach(NamedTuple):
         }
 
 
-def warn_beyond_reach(f: Any, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
+def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
     """Warn that a series is evaluated beyond its optimum at some rows of `states`, of which a few are looked at."""
     chosen = states[:: max(1, -(-len(states) // MOST_CHECKED))]
     found = [Reach(label, h, norms) for norms in term_norms(f, chosen) if all(map(math.isfinite, norms))]
@@ -231,7 +232,7 @@ def too_long(found: Reach) -> str:
     )
 
 
-def term_norms(f: Any, states: np.ndarray) -> list[tuple[float, ...]]:
+def term_norms(f: SeriesOnScene, states: np.ndarray) -> list[tuple[float, ...]]:
     """Euclidean norms of the terms at rows of states: 0 without coefficients, or if they vary by their size nearby."""
     shifts = np.random.default_rng(f.dimension).uniform(-NEARBY, NEARBY, (NEARBY_POINTS, f.dimension))
     sizes = np.abs(states).max(axis=1)[:, None, None]

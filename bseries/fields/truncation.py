@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bseries.analysis.stability.criteria import stability_function
 from bseries.analysis.stability.rational_functions import StabilityFunction
@@ -18,7 +19,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
 from bseries.fields.term_sizes import Reach, TruncationWarning, term_norms, too_long
-from integrators.core.errors import shown
+from bseries_base.errors import shown
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
 
@@ -93,7 +94,7 @@ def _uncancelled(roots: Sequence[complex], others: Sequence[complex]) -> list[co
     return [z for z in roots if all(abs(z - other) > CANCELLATION * abs(z) for other in others)]
 
 
-def reach(f: SceneSeries, y: Any, h: float, *, method: RungeKutta | None = None) -> Reach:
+def reach(f: SceneSeries, y: ArrayLike, h: float, *, method: RungeKutta | None = None) -> Reach:
     """Sizes of the terms of a truncated field at a point, its optimal truncation and its error.
 
     Args:

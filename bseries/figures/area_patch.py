@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
@@ -18,6 +18,8 @@ from integrators.scenes.catalogue.registry import as_scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Polygon
 
     from integrators import Method, Scene
 
@@ -188,34 +190,38 @@ def _panels(numbers: AreaPatch, figure: Figure) -> list[tuple[Axes, Axes]]:
     return [(above, below) for above, below in panels.T]
 
 
-def _patch(axes: Axes) -> tuple[Any, Any, Any]:
-    """The patch under the method, the exact and the modified flow, without points yet."""
+class Patch(NamedTuple):
+    """The patch in the picture: under the method, the exact and the modified flow."""
+
+    filled: Polygon
+    exact: Line2D
+    modified: Line2D
+
+
+def _patch(axes: Axes) -> Patch:
+    """The patch without points yet."""
     (filled,) = axes.fill([], [], facecolor=SKY, edgecolor=BLUE, linewidth=0.8, label="steps of the method")
     (exact,) = axes.plot([], [], color=BLACK, linewidth=0.8, linestyle=(0, (4, 1.5)), label="exact flow")
     (modified,) = axes.plot([], [], color=VERMILION, linewidth=1.2, linestyle=(0, (1, 1)), label="modified flow")
-    return filled, exact, modified
+    return Patch(filled, exact, modified)
 
 
-def _move(patch: tuple[Any, Any, Any], numbers: AreaPatch, found: Carried, k: int) -> None:
+def _move(patch: Patch, numbers: AreaPatch, found: Carried, k: int) -> None:
     """Let a patch show the method (after its last step), the exact and the modified flow at a fine time."""
-    filled, exact, modified = patch
-    filled.set_xy(found.steps[k // FINE][::-1].T)  # the second variable is to the right
-    exact.set_data(numbers.exact[k][::-1])
-    modified.set_data(found.modified[k][::-1])
+    patch.filled.set_xy(found.steps[k // FINE][::-1].T)  # the second variable is to the right
+    patch.exact.set_data(numbers.exact[k][::-1])
+    patch.modified.set_data(found.modified[k][::-1])
 
 
-def _draw_areas(axes: Axes, numbers: AreaPatch, found: Carried, count: int) -> list[Any]:
+def _draw_areas(axes: Axes, numbers: AreaPatch, found: Carried, count: int) -> list[Line2D]:
     """The areas at the first `count` fine times, and at the steps up to there."""
-    lines = []
-    styles: Any = (
-        (numbers.t, found.steps, (count - 1) // FINE + 1, {"marker": "o", "linestyle": "none", "color": BLUE}),
-        (numbers.fine_t, numbers.exact, count, {"color": BLACK, "linewidth": 0.8, "linestyle": (0, (4, 1.5))}),
-        (numbers.fine_t, found.modified, count, {"color": VERMILION, "linestyle": (0, (1, 1))}),
-    )
-    for t, outlines, shown, style in styles:
-        values = areas(outlines)
-        lines += axes.plot(t[:shown], values[:shown] / values[0], **style)
-    return lines
+    steps, exact, modified = (areas(rows) / areas(rows[:1]) for rows in (found.steps, numbers.exact, found.modified))
+    t, shown = numbers.fine_t[:count], (count - 1) // FINE + 1
+    return [
+        *axes.plot(numbers.t[:shown], steps[:shown], "o", color=BLUE),
+        *axes.plot(t, exact[:count], color=BLACK, linewidth=0.8, linestyle=(0, (4, 1.5))),
+        *axes.plot(t, modified[:count], color=VERMILION, linestyle=(0, (1, 1))),
+    ]
 
 
 def _draw_legend(figure: Figure, panels: list[tuple[Axes, Axes]]) -> None:
@@ -229,7 +235,7 @@ def frames(numbers: AreaPatch, figure: Figure) -> Iterator[tuple[int, int]]:
     panels = _panels(numbers, figure)
     artists = [_patch(above) for above, _ in panels]
     _draw_legend(figure, panels)
-    traces: list[Any] = []
+    traces: list[Line2D] = []
     for k in range(len(numbers.fine_t)):
         while traces:
             traces.pop().remove()

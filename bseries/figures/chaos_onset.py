@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import fitted_factor, label_panels, reduced_angle, set_angle_axis
@@ -89,8 +89,9 @@ def is_chaotic(starts: np.ndarray, h: float, span: float = SPAN, method: Method 
     """Whether each start and a neighbouring one lead to distant ends."""
     steps, p = round(span / h), starts[:, 0]
     nearby = np.column_stack([p + NEARBY * np.where(p == 0, 1, p), starts[:, 1]])
-    options: Any = {"y0": np.vstack([starts, nearby]), "observe": None, "observe_every": steps, "final": True}
-    first, second = np.split(bs.ensemble(method, "pendulum", h=h, steps=steps, **options).final, 2)
+    y0 = np.vstack([starts, nearby])
+    ends = bs.ensemble(method, "pendulum", h=h, steps=steps, y0=y0, observe=None, observe_every=steps, final=True).final
+    first, second = np.split(ends, 2)
     return np.linalg.norm(first - second, axis=1) > APART
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.exceptions import SeriesError
@@ -69,8 +69,10 @@ def numbers(*, h: object = 0.005, methods: object = METHODS, y0: object = START,
     if not period:
         raise SeriesError(f"y0 must not be an equilibrium, but was {start}")
     orbit = bs.integrate(FLOW, pendulum, h=period / POINTS, steps=POINTS, y0=start).y
-    stored: dict[str, Any] = {"observe": "energy", "observe_every": 1, "save_every": None}
-    runs = [bs.integrate(method, pendulum, h=h, steps=steps, y0=start, **stored) for method in chosen]
+    runs = [
+        bs.integrate(method, pendulum, h=h, steps=steps, y0=start, save_every=None, observe="energy", observe_every=1)
+        for method in chosen
+    ]
     errors = [run.observed["energy"] - run.observed["energy"][0] for run in runs]
     found = (_prediction(method, pendulum, h, orbit, error) for method, error in zip(chosen, errors, strict=True))
     return EnergyError(h, start, runs[0].observed_t, tuple(found))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bseries as bs
 from bseries_base.extras import np
@@ -87,9 +87,9 @@ def label_panels(panels: Iterable[Axes], titles: Iterable[str]) -> None:
         axes.set_title(f"({letter}) {title}")
 
 
-def reduced_angle(q: Any) -> Any:
+def reduced_angle(q: float | np.ndarray) -> np.ndarray:
     """An angle modulo 2π, from −π on."""
-    return np.remainder(q + np.pi, 2 * np.pi) - np.pi
+    return np.asarray(np.remainder(q + np.pi, 2 * np.pi) - np.pi)
 
 
 def set_angle_axis(axes: Axes) -> None:

@@ -75,7 +75,7 @@ def numbers(
     grid = np.array([values.ravel() for values in np.meshgrid(p, q, indexing="ij")])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", bs.fields.TruncationWarning)
-        levels = [energy(grid, size).reshape(GRID, GRID) for size in sizes]
+        levels = [np.reshape(energy(grid, size), (GRID, GRID)) for size in sizes]
     rest = np.array(sizes), states, np.array(energies), np.array(chaotic), p, q, np.array(levels)
     return LargeSteps(chosen, energy.order, np.array(starts), *rest)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import fitted_factor, growth_exponent, label_panels, logarithmic_indices
@@ -80,7 +80,7 @@ def numbers(
 ) -> LennardJonesDrift:  # fmt: skip
     """An ensemble up to t = 20,000, which takes minutes; with a folder `checkpoint` it can be resumed."""
     h, members = read_number(h, "h", 0.002, 0.02), read_count(members, "members", 2, 100_000)
-    atoms: Any = bs.scene("lennard-jones")
+    atoms = bs.scene("lennard-jones")
     steps = round(read_number(span, "span", 20, 1e6) / h)
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
     result = bs.ensemble(

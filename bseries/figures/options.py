@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import nan
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bseries as bs
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shown
 from bseries_base.extras import np
 from integrators.core.arguments import as_lists, is_listed, split_row
-from integrators.core.errors import shown
 from integrators.exact.expressions import parse_constant
 from integrators.methods.catalogue.registry import as_method
 from integrators.scenes.text import read_values
@@ -30,7 +30,7 @@ def read_number(value: object, argument: str, least: float, most: float) -> floa
     """
     number = _number(value, argument)
     try:
-        number = nan if isinstance(number, bool) else float(number)
+        number = nan if isinstance(number, bool) else float(number)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError, OverflowError):
         number = nan
     if not least <= number <= most:
@@ -54,19 +54,20 @@ def read_numbers(value: object, argument: str, counts: Sequence[int], least: flo
 def read_count(value: object, argument: str, least: int, most: int) -> int:
     """A whole number within bounds, given as a number or as text."""
     number = _number(value, argument)
-    is_whole = isinstance(number, Rational) and number.denominator == 1 and not isinstance(number, bool)
-    whole = int(number.numerator) if is_whole else None
+    whole = None
+    if isinstance(number, Rational) and number.denominator == 1 and not isinstance(number, bool):
+        whole = int(number.numerator)
     if whole is None or not least <= whole <= most:
         raise SeriesError(f"{argument} must be a whole number from {least} to {most}, but was {value!r:.60}")
     return whole
 
 
-def _number(value: object, argument: str) -> Any:
+def _number(value: object, argument: str) -> object:
     """The number that a text stands for; other values unchanged."""
     return parse_constant(value, argument=argument) if isinstance(value, str) else value
 
 
-def _entries(value: object) -> list[Any]:
+def _entries(value: object) -> list[object]:
     """The entries of a row, or a single value."""
     if isinstance(value, str):
         return [entry.strip() for entry in split_row(value)]

@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING, Any
 
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_place
+from bseries_base.errors import not_one_of
 from bseries_base.extras import optional_module
 from bseries_base.plotting import new_figure, print_style
-from integrators.core.errors import not_one_of
 from integrators.core.text_files import atomic_write, check_path
 
 if TYPE_CHECKING:

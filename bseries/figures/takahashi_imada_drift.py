@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bseries as bs
 from bseries.figures.helpers import label_panels
@@ -66,8 +66,9 @@ def _drift(scene: bs.Scene, h: float, momentum: float, steps: int) -> Drift:
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), scene, TERMS).observer(h)
 
     def error(method: str, p: float) -> np.ndarray:
-        observed: Any = {"save_every": None, "observe": {"H": energy}, "observe_every": 1}
-        run = bs.integrate(method, scene, h=h, steps=steps, y0=[p, 0], **observed)
+        run = bs.integrate(
+            method, scene, h=h, steps=steps, y0=[p, 0], save_every=None, observe={"H": energy}, observe_every=1
+        )
         return run.observed["H"] - run.observed["H"][0]
 
     report = bs.energy_drift(bs.method(SIMPLIFIED), scene, y0=[momentum, 0], h=h)
@@ -108,11 +109,11 @@ def draw(numbers: TakahashiImadaDrift, figure: Figure) -> None:
     label_panels((above, below), (rf"$U = -\cos\,q + 0.2\,\sin\,2q$, $h = {h:g}$", rf"$U = -\cos\,q$, $h = {h:g}$"))
     names = (f"simplified, $p_0 = {p:g}$", f"simplified, $p_0 = -{p:g}$", f"symplectic, $p_0 = {p:g}$")
     for errors, what, colour, dashes in zip(numbers.perturbed[:3], names, COLOURS, DASHES, strict=True):
-        _draw_band(above, t, errors, what, color=colour, linestyle=dashes)
+        _draw_band(above, t, errors, what, colour, dashes)
     predicted = numbers.perturbed.slope
     for sign, label in ((1, "predicted"), (-1, None)):
         above.plot([0, span], [0, sign * predicted * span], ":", color=BLACK, linewidth=1.0, zorder=3, label=label)
-    _draw_band(below, t, numbers.pendulum.forwards, None, color=COLOURS[0])
+    _draw_band(below, t, numbers.pendulum.forwards, None, COLOURS[0])
     band = below.fill_between([], [], color=COLOURS[0], alpha=BAND, label=f"range in {span / WINDOWS:g} units of time")
     below.set(xlabel="time $t$", xlim=(0, span), ylim=(0, 1.1 * numbers.pendulum.forwards.max()))
     for axes in (above, below):
@@ -126,9 +127,9 @@ def slope(t: np.ndarray, errors: np.ndarray) -> float:
     return float(np.polyfit(t, errors, 1)[0])
 
 
-def _draw_band(axes: Axes, t: np.ndarray, errors: np.ndarray, label: str | None, **style: Any) -> None:
+def _draw_band(axes: Axes, t: np.ndarray, errors: np.ndarray, label: str | None, color: str, dashes: str = "-") -> None:
     """The mean, least and largest errors in windows."""
     width = max(1, len(t) // WINDOWS)
     t, errors = (values[: width * (len(t) // width)].reshape(-1, width) for values in (t, errors))
-    axes.plot(t.mean(1), errors.mean(1), label=label, **style)
-    axes.fill_between(t.mean(1), errors.min(1), errors.max(1), color=style["color"], alpha=BAND, linewidth=0)
+    axes.plot(t.mean(1), errors.mean(1), label=label, color=color, linestyle=dashes)
+    axes.fill_between(t.mean(1), errors.min(1), errors.max(1), color=color, alpha=BAND, linewidth=0)

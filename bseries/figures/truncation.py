@@ -165,8 +165,8 @@ def draw(numbers: Truncation, figure: Figure) -> None:
         (p, q), half = numbers.window(k)
         middle.set(xlim=(p - half, p + half), ylim=(q - FLAT * half, q + FLAT * half))
         middle.spines[:].set_visible(True)
-        frame: Any = {"fill": False, "edgecolor": BLACK, "linewidth": 0.8, "zorder": 5}
-        above.add_patch(Rectangle((p - half, q - FLAT * half), 2 * half, 2 * FLAT * half, **frame))
+        corner, sides = (p - half, q - FLAT * half), (2 * half, 2 * FLAT * half)
+        above.add_patch(Rectangle(corner, *sides, fill=False, edgecolor=BLACK, linewidth=0.8, zorder=5))
         for distance, style in zip(numbers.distances(k), _styles(numbers), strict=True):
             below.semilogy(numbers.t[1:], distance[1:], **style)
         below.set(xlabel="time $t$", xlim=(0, SPAN))

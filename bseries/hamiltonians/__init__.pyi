@@ -6,6 +6,7 @@ from .canonical_transformations import canonical_transformation as canonical_tra
 from .canonical_transformations import generating_transformation as generating_transformation
 from .canonical_transformations import harmonic_action_angle as harmonic_action_angle
 from .canonical_transformations import point_transformation as point_transformation
+from .closed_forms import ClosedForm as ClosedForm
 from .closed_forms import ClosedHamiltonian as ClosedHamiltonian
 from .closed_forms import closed_hamiltonian as closed_hamiltonian
 from .energy_drift import DriftReport as DriftReport

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import combinations
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import sympy
+from numpy.typing import ArrayLike
 from sympy.solvers.solveset import NonlinearError
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.fields.inputs import read_states
+from bseries.fields.inputs import Formula, read_states
 from bseries.fields.polynomials import TooLarge
 from bseries_base.formulas import formula_text
 from integrators.core.arguments import items
@@ -59,9 +60,9 @@ class CoordinateChange(ImmutableValue):
 
     def __init__(
         self,
-        old: Scene | Mapping[str, Any],
-        new: Mapping[str, Any],
-        formulas: Mapping[str, Any],
+        old: Scene | Mapping[str, object],
+        new: Mapping[str, object],
+        formulas: Mapping[str, object],
         *,
         parameters: Iterable[str] = (),
         positive: Iterable[str] = (),
@@ -84,7 +85,7 @@ class CoordinateChange(ImmutableValue):
         self.__dict__.update(old=before, new=after, formulas=read, parameters=parameters, positive=positive)
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[object, ...]:
         return self.old, self.new, tuple(self.formulas.items()), self.parameters, self.positive
 
     def __repr__(self) -> str:
@@ -98,7 +99,7 @@ class CoordinateChange(ImmutableValue):
         """The new variables as SymPy symbols."""
         return tuple(map(sympy.Symbol, names_of(self.new)))
 
-    def with_parameters(self, /, **values: Any) -> CoordinateChange:
+    def with_parameters(self, /, **values: object) -> CoordinateChange:
         """The same change with numbers for parameters.
 
         Raises:
@@ -184,18 +185,18 @@ class CoordinateChange(ImmutableValue):
         psi = {sympy.Symbol(name): value.xreplace(signed) for name, value in self.formulas.items()}
         symbols = [signed.get(symbol, symbol) for symbol in self.symbols]
 
-        def inner(part: Any) -> Any:
+        def inner(part: Formula) -> Formula:
             return part.func(*(simplified(argument, symbols) for argument in part.args))
 
         # Innermost arguments first, as √(x² + y²) needs; factored, or a sum if that is shorter.
-        inserted: Any = formula.xreplace(psi).replace(
+        inserted: Formula = formula.xreplace(psi).replace(
             lambda part: part.is_Function or (part.is_Pow and not part.exp.is_Integer), inner
         )
-        factored: Any = simplified(inserted, symbols)
-        shortest = min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
+        factored = simplified(inserted, symbols)
+        shortest: Formula = min(sympy.expand_mul(factored), factored, key=sympy.count_ops)
         return shortest.xreplace({symbol: name for name, symbol in signed.items()})
 
-    def hamiltonian(self, scene: Scene, *, start: Mapping[str, Any] | None = None) -> Scene:
+    def hamiltonian(self, scene: Scene, *, start: Mapping[str, object] | None = None) -> Scene:
         """The system in new variables: a scene with the Hamiltonian K(z) = H(ψ(z)).
 
         Args:
@@ -229,7 +230,7 @@ class CoordinateChange(ImmutableValue):
             name=f"{scene.name} in {', '.join(names_of(self.new))}",
         )
 
-    def to_old(self, z: Any) -> np.ndarray:
+    def to_old(self, z: ArrayLike) -> np.ndarray:
         """Evaluate ψ(z) at one point (variables,) or many (variables, n).
 
         Raises:
@@ -238,7 +239,7 @@ class CoordinateChange(ImmutableValue):
         states, shape = read_states(z, len(self.symbols))
         return self._evaluated(states)[0].T.reshape(shape)
 
-    def to_new(self, y: Any, near: Any) -> np.ndarray:
+    def to_new(self, y: ArrayLike, near: ArrayLike) -> np.ndarray:
         """Solve ψ(z) = y by Newton's method.
 
         Args:
@@ -274,7 +275,7 @@ class CoordinateChange(ImmutableValue):
         return values[:, :size], values[:, size:].reshape(-1, size, size)
 
     @cached_property
-    def _functions(self) -> Callable[..., list[Any]]:
+    def _functions(self) -> Callable[..., list[np.ndarray | float]]:
         """The entries of ψ and, row by row, of ψ' as functions of NumPy's arrays."""
         if self.parameters:
             raise SeriesError(f"parameters must be numbers, but {self.parameters[0]} is a symbol: see with_parameters")
@@ -286,7 +287,7 @@ class CoordinateChange(ImmutableValue):
 MOST_MONOMIALS = 10_000  # formulas with more monomials are not simplified
 
 
-def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
+def simplified(formula: Formula, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
     """Simplify a formula: factored, with sin² + cos² = 1; very long formulas are unchanged."""
     try:
         ring = DifferentialRing([formula], symbols, limit=MOST_MONOMIALS)
@@ -295,7 +296,7 @@ def simplified(formula: sympy.Expr, symbols: Sequence[sympy.Symbol]) -> sympy.Ex
         return formula
 
 
-def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
+def read_pair(blocks: Scene | Mapping[str, object], argument: str) -> tuple[Block, Block]:
     """Read momenta and positions, which must be the only blocks, with the canonical structure."""
     if isinstance(blocks, Scene) and blocks.poisson is not None:
         raise SeriesError(f"{argument} must be canonical, but {blocks.name} has a Poisson structure of its own")
@@ -310,7 +311,7 @@ def read_pair(blocks: Any, argument: str) -> tuple[Block, Block]:
     return pair
 
 
-def sizes(pair: Sequence[Block]) -> dict[str, Any]:
+def sizes(pair: Sequence[Block]) -> dict[str, int | list[int] | list[str]]:
     """The sizes of blocks, as `Scene` takes them, in the order of the state."""
     return {block.name: block.size for block in sorted(pair, key=lambda block: block.offset)}
 
@@ -320,7 +321,7 @@ def names_of(pair: Sequence[Block]) -> tuple[str, ...]:
     return tuple(name for block in sorted(pair, key=lambda block: block.offset) for name in block.variables)
 
 
-def check_mapping(formulas: Any, names: Sequence[str], argument: str) -> None:
+def check_mapping(formulas: object, names: Sequence[str], argument: str) -> None:
     """Check that a mapping has a formula for each name, and no others."""
     keys = list(formulas) if isinstance(formulas, Mapping) else None
     if keys is None or set(keys) != set(names):
@@ -355,9 +356,9 @@ def newton(equations: Equations, start: np.ndarray, growth: float = float("inf")
 
 
 def canonical_transformation(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    formulas: Mapping[str, Any],
+    old: Scene | Mapping[str, object],
+    new: Mapping[str, object],
+    formulas: Mapping[str, object],
     *,
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
@@ -390,9 +391,9 @@ def canonical_transformation(
 
 
 def point_transformation(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    positions: Mapping[str, Any],
+    old: Scene | Mapping[str, object],
+    new: Mapping[str, object],
+    positions: Mapping[str, object],
     *,
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
@@ -434,11 +435,11 @@ def point_transformation(
 
 
 def generating_transformation(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    S: Any,
+    old: Scene | Mapping[str, object],
+    new: Mapping[str, object],
+    S: object,
     *,
-    positions: Mapping[str, Any] | None = None,
+    positions: Mapping[str, object] | None = None,
     parameters: Iterable[str] = (),
     positive: Iterable[str] = (),
 ) -> CoordinateChange:
@@ -473,7 +474,7 @@ def generating_transformation(
     shared = sorted(map(str, {*p, *q} & {*variables}))
     if shared:
         raise SeriesError(f"new must have other names than old, but both have {shared[0]}")
-    given: Any = read_formula(S, (*map(str, (*momenta, *q)), *parameters), "S")
+    given = read_formula(S, (*map(str, (*momenta, *q)), *parameters), "S")
     relations = [given.diff(momentum) for momentum in momenta]
     if positions is None:
         equations = [relation - place for relation, place in zip(relations, places, strict=True)]
@@ -496,9 +497,9 @@ def generating_transformation(
 
 
 def harmonic_action_angle(
-    old: Scene | Mapping[str, Any],
-    new: Mapping[str, Any],
-    frequencies: Sequence[Any],
+    old: Scene | Mapping[str, object],
+    new: Mapping[str, object],
+    frequencies: Sequence[object],
     *,
     parameters: Iterable[str] = (),
 ) -> CoordinateChange:
@@ -523,9 +524,9 @@ def harmonic_action_angle(
     (p, q), (actions, angles) = _symbols_of(old, new)
     if isinstance(frequencies, str) or not isinstance(frequencies, Sequence) or len(frequencies) != len(p):
         raise SeriesError(f"frequencies must be {len(p)}, one for each pair of variables, but were {frequencies!r:.60}")
-    formulas: dict[str, Any] = {}
+    formulas: dict[str, sympy.Expr] = {}
     for k, value in enumerate(frequencies):
-        omega: Any = read_formula(value, parameters, f"frequencies[{k + 1}]")
+        omega = read_formula(value, parameters, f"frequencies[{k + 1}]")
         if not omega or omega.is_negative:
             raise SeriesError(f"frequencies must be positive, but one was {omega}")
         root, scale = sympy.sqrt(2) * sympy.sqrt(actions[k]), sympy.sqrt(omega)
@@ -534,7 +535,7 @@ def harmonic_action_angle(
     return canonical_transformation(old, new, formulas, parameters=parameters, positive=map(str, actions))
 
 
-def _symbols_of(old: Any, new: Any) -> Iterator[list[list[sympy.Symbol]]]:
+def _symbols_of(old: Scene | Mapping[str, object], new: Mapping[str, object]) -> Iterator[list[list[sympy.Symbol]]]:
     """The symbols of p and q, and those of P and Q."""
     before, after = read_pair(old, "old"), read_pair(new, "new")
     size, found = len(before[1].variables), len(after[1].variables)
@@ -544,13 +545,17 @@ def _symbols_of(old: Any, new: Any) -> Iterator[list[list[sympy.Symbol]]]:
         yield [list(map(sympy.Symbol, block.variables)) for block in pair]
 
 
-def _read_positions(positions: Any, q: Sequence[sympy.Symbol], known: Sequence[str]) -> list[sympy.Expr]:
+def _read_positions(
+    positions: Mapping[str, object], q: Sequence[sympy.Symbol], known: Sequence[str]
+) -> list[sympy.Expr]:
     """The formulas of the old positions in new variables."""
     check_mapping(positions, list(map(str, q)), "positions")
     return [read_formula(positions[str(x)], known, f"positions.{x}") for x in q]
 
 
-def _solved(matrix: Any, right: Any, symbols: Sequence[Any], argument: str) -> list[Any]:
+def _solved(
+    matrix: sympy.Matrix, right: sympy.Matrix, symbols: Sequence[sympy.Symbol], argument: str
+) -> list[sympy.Expr]:
     """Solve a linear system; the solution is simplified."""
     determinant = simplified(matrix.det(method="berkowitz"), symbols)
     if determinant == 0:

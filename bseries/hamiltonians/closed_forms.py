@@ -18,17 +18,18 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
 
 import mpmath
 import numpy as np
 import sympy
+from numpy.typing import ArrayLike, NDArray
 from sympy.polys.matrices import DomainMatrix
 
 from bseries.analysis.stability.criteria import stability_function
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import read_states, read_step, read_symbolic_step
+from bseries.fields.inputs import Formula, Step, read_states, read_step, read_symbolic_step
 from bseries.fields.truncation import convergence_radius
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, entry, symplectic_stages
 from bseries_base.formulas import formula_text
@@ -39,7 +40,11 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
+
+Array: TypeAlias = NDArray[np.float64]
+Radius: TypeAlias = float | sympy.Expr
 
 DIGITS = 60  # digits of roots and eigenvectors; nearly equal eigenvalues lose many of them
 TOLERANCE = 1e-9  # largest value that counts as zero at a root
@@ -51,8 +56,8 @@ class OscillatorStep:
 
     def __init__(self, entries: Sequence[sympy.Expr], s: sympy.Symbol):
         self.s = s
-        self.entries: tuple[Any, ...] = tuple(sympy.cancel(entry) for entry in entries)
-        self.cosine: Any = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
+        self.entries: tuple[sympy.Expr, ...] = tuple(sympy.cancel(entry) for entry in entries)
+        self.cosine: sympy.Expr = sympy.cancel((self.entries[0] + self.entries[3]) / 2)  # cos θ
         self._numeric = as_function([s], self.entries, "math")
 
     @classmethod
@@ -80,11 +85,11 @@ class OscillatorStep:
         rows = stages.stages
         s, x = sympy.Symbol("s"), sympy.Symbol("x")
 
-        def changes(at: LinearForm, momentum: bool) -> list[Any]:
+        def changes(at: LinearForm, momentum: bool) -> list[sympy.Basic | int]:
             """The coefficients of the stage values in the change of momenta, or positions, up to a point."""
             signed = ((-1, one.forces) if momentum else (1, one.velocities) for one in rows)
             return [
-                sign * sympy.sympify(entry(at, multiples), strict=True) if one.kicks is momentum else 0
+                sympy.sympify(sign * entry(at, multiples), strict=True) if one.kicks is momentum else 0
                 for one, (sign, multiples) in zip(rows, signed, strict=True)
             ]
 
@@ -107,7 +112,7 @@ class OscillatorStep:
         *numerators, common = (sympy.expand(part).subs(x, sympy.sqrt(s)) for part in parts)
         return cls([part / common for part in numerators], s)
 
-    def formulas(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+    def formulas(self, h: sympy.Expr, kappa: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
         """θ/sin θ times b, c and (d − a)/h at x = h √κ, on the branch from h = 0 while tan(θ/2) is real."""
         s = h**2 * kappa
         a, b, c, d = (entry.subs(self.s, s) for entry in self.entries)
@@ -121,7 +126,7 @@ class OscillatorStep:
             found.append(2 * angle * min(written, key=sympy.count_ops))
         return found[0], found[1], found[2]
 
-    def _half_angle(self, h: Any, kappa: Any) -> tuple[Any, Any, Any]:
+    def _half_angle(self, h: sympy.Expr, kappa: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
         """θ/2, and tan(θ/2) as the product of a rational part h √κ r and a root; without the factors i if κ < 0."""
         squared = sympy.cancel((1 - self.cosine) / (1 + self.cosine) / self.s)
         rational = h * sympy.sqrt(abs(kappa) if kappa.is_negative else kappa)
@@ -179,6 +184,48 @@ class OscillatorStep:
         return max(abs(b), abs(c), abs(a - d)) < TOLERANCE or abs(self._angle(cmath.sqrt(s))[0]) < 1
 
 
+class ClosedForm(Protocol):
+    """A closed form, as `ClosedHamiltonian` takes it.
+
+    Attributes:
+        kind: A name for the form.
+
+    Example:
+        >>> import math, sympy
+        >>> import bseries as bs
+        >>> class Free:
+        ...     kind, radius = "free", math.inf
+        ...     def radius_at(self, y):
+        ...         return math.inf
+        ...     def values(self, y, h):
+        ...         return y[:, 0] ** 2 / 2
+        ...     def expression(self, h):
+        ...         return sympy.Symbol("p") ** 2 / 2
+        >>> scene = bs.parse_hamiltonian("p^2/2")
+        >>> bs.hamiltonians.ClosedHamiltonian("any method on a free particle", scene, Free())([2.0, 1.0], 0.1)
+        2.0
+    """
+
+    kind: str
+
+    @property
+    def radius(self) -> Radius:
+        """The radius of convergence in h, a number, or a formula in the variables."""
+        ...
+
+    def radius_at(self, y: Array) -> float:
+        """The least radius of convergence at the rows of y."""
+        ...
+
+    def values(self, y: Array, h: float) -> Array:
+        """The values at the rows of y for a step size within the radius."""
+        ...
+
+    def expression(self, h: sympy.Expr) -> sympy.Expr:
+        """The formula for a step size."""
+        ...
+
+
 class LinearHamiltonian:
     """Modified Hamiltonian of a symplectic method for H = ½ yᵀSy with the matrix `form`.
 
@@ -188,15 +235,15 @@ class LinearHamiltonian:
 
     kind = "linear"
 
-    def __init__(self, method: Method, scene: Scene, form: Any, parts: Any = None):
-        self._scene, size = scene, scene.dimension
-        energy: Any = scene.hamiltonian
-        self.constant = energy.subs(dict.fromkeys(scene.symbols, 0))
+    def __init__(self, method: Method, scene: Scene, energy: sympy.Expr, parts: Parts | None = None):
+        self._scene, self._arguments, size = scene, (method, scene, energy, parts), scene.dimension
+        self._constant = energy.subs(dict.fromkeys(scene.symbols, 0))
+        form = sympy.hessian(energy, scene.symbols)
         stages = symplectic_stages(method, scene, parts)
         if isinstance(method, RungeKutta):
             self._step = OscillatorStep.of_runge_kutta(method)
             in_x = convergence_radius(method).radius
-            self._factors: tuple[Any, ...] = form / 2, sympy.zeros(size), sympy.zeros(size)
+            self._factors = form / 2, sympy.zeros(size), sympy.zeros(size)
         else:
             kinds = {stage.hamiltonian for stage in stages.stages}
             mixed = any(stage.kicks and stage.drifts for stage in stages.stages)
@@ -211,9 +258,10 @@ class LinearHamiltonian:
             for p, q in canonical_pairs(scene):
                 momenta[p, p], positions[q, q], products[p, q] = 1, 1, sympy.Rational(1, 2)
             self._factors = momenta * form / 2, positions * form / 2, products
-        self._square: Any = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
+        self._square = -(sympy.Matrix(scene.field).jacobian(scene.symbols) ** 2)
         # The minimal polynomial of K must have simple roots.
-        self._polynomial: Any = sympy.Poly(self._square.charpoly().as_expr(), extension=True).sqf_part()
+        characteristic = self._square.charpoly()
+        self._polynomial = sympy.Poly(characteristic.as_expr(), characteristic.gen, extension=True).sqf_part()
         value = sympy.zeros(size)
         for coefficient in self._polynomial.all_coeffs():
             value = value * self._square + coefficient * sympy.eye(size)
@@ -223,6 +271,9 @@ class LinearHamiltonian:
             )
         largest = max(abs(kappa) for kappa in self._eigensystem[0])
         self.radius = in_x / math.sqrt(largest) if largest else math.inf
+
+    def __reduce__(self) -> tuple[type, tuple[Method, Scene, sympy.Expr, Parts | None]]:
+        return LinearHamiltonian, self._arguments
 
     @cached_property
     def _eigensystem(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -234,28 +285,28 @@ class LinearHamiltonian:
         return values, vectors, inverse
 
     @cached_method
-    def matrix(self, h: float) -> np.ndarray:
+    def matrix(self, h: float) -> Array:
         """The matrix G of H̃ = yᵀGy."""
         values, vectors, inverse = self._eigensystem
         roots = np.sqrt(values)
         b, c, mixed = np.array([self._step.coefficients(h * root) for root in roots]).T
         functions = zip(self._factors, (c, b, mixed * roots), strict=True)
         summands = (np.array(factor.tolist(), float) @ (vectors * function) @ inverse for factor, function in functions)
-        total: Any = sum(summands)
+        total = np.sum(list(summands), axis=0)
         return total.real
 
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
+    def values(self, y: Array, h: float) -> Array:
         """Values of H̃ at the rows of y."""
-        return ((y @ self.matrix(h)) * y).sum(axis=1)
+        return ((y @ self.matrix(h)) * y).sum(axis=1) + float(self._constant)
 
-    def radius_at(self, y: np.ndarray) -> float:
+    def radius_at(self, y: Array) -> float:
         """The radius of convergence, the same at all points."""
         return self.radius
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: sympy.Expr) -> sympy.Expr:
         """The formula of H̃, real up to the first step size at which an eigenvalue of the step is −1."""
         y = sympy.Matrix(self._scene.symbols)
-        total: Any = sympy.Integer(0)
+        total = self._constant
         for kappa, projection in self._projections:
             T, U, X = (
                 sympy.expand((y.T * (factor * projection).applyfunc(sympy.simplify) * y)[0, 0])
@@ -266,7 +317,7 @@ class LinearHamiltonian:
         return total
 
     @cached_property
-    def _projections(self) -> list[tuple[Any, Any]]:
+    def _projections(self) -> list[tuple[sympy.Expr, Formula]]:
         """The exact eigenvalues κ of K, and the projections on their modes, which are polynomials in K."""
         factors = [factor for factor, _ in self._polynomial.factor_list()[1] if factor.degree() <= 2]
         roots = [root for factor in factors for root in sympy.roots(factor)]
@@ -282,79 +333,29 @@ class LinearHamiltonian:
         ]
 
 
-class FieldNijhoff:
-    """Closed form c ((I ln I − (I − u) ln(I − u))/u − 1), I = (α + p)(β + q), u = c h, or u = −c h if implicit in q.
-
-    The method conserves I, multiplies α + p by 1 − u/I and divides β + q by it (or vice versa).
-    """
-
-    kind = "field-nijhoff"
-
-    def __init__(self, scene: Scene, invariant: Any, c: Any, sign: int):
-        self._invariant, self._c, self._sign = invariant, c, sign
-        self.radius = invariant / abs(c)
-        energy: Any = scene.hamiltonian
-        self.constant = sympy.simplify(sympy.logcombine(sympy.expand(energy - c * sympy.log(invariant)), force=True))
-        self._numeric = as_function(scene.symbols, invariant, "numpy")
-
-    @classmethod
-    def of(cls, method: Method, scene: Scene, parts: Any) -> FieldNijhoff | None:
-        """The closed form of a symplectic Euler method on a scene of this kind; None for others."""
-        pairs, stages = canonical_pairs(scene), symplectic_stages(method, scene, parts)
-        kicks, drifts = ([one for one in stages.stages if getattr(one, kind)] for kind in ("kicks", "drifts"))
-        if (len(pairs), len(stages.stages), len(kicks), len(drifts)) != (1, 2, 1, 1):
-            return None
-        symbols, H = [scene.symbols[i] for i in pairs[0]], scene.hamiltonian
-        before = entry(drifts[0].at, kicks[0].forces), entry(kicks[0].at, drifts[0].velocities)
-        factors = [sympy.cancel(1 / sympy.diff(H, x)) for x in symbols]
-        rate, other = (factor.diff(x) for factor, x in zip(factors, symbols, strict=True))
-        if sorted(before) != [0, 1] or [factor.free_symbols for factor in factors] != [{x} for x in symbols]:
-            return None
-        if rate != other or not rate.is_number:
-            return None
-        return cls(scene, factors[0] * factors[1] / rate**2, 1 / rate, 1 if before[0] else -1)
-
-    def expression(self, h: Any) -> sympy.Expr:
-        """The formula for a step size."""
-        i, u = self._invariant, self._sign * self._c * h
-        return self._c * ((i * sympy.log(i) - (i - u) * sympy.log(i - u)) / u - 1)
-
-    def radius_at(self, y: np.ndarray) -> float:
-        """The least radius of convergence |I/c| at the rows of y; 0 where H is not defined."""
-        return max(0.0, float(self._numeric(*y.T).min(initial=math.inf)) / abs(float(self._c)))
-
-    def values(self, y: np.ndarray, h: float) -> np.ndarray:
-        """Values of H̃, without cancellation for small steps."""
-        i, c = self._numeric(*y.T), float(self._c)
-        u = self._sign * c * h / i
-        return c * (np.log(i) - ((1 / u - 1) * np.log1p(-u) + 1 if h else 0))
-
-
 class ClosedHamiltonian:
-    """Modified Hamiltonian in closed form, the sum of its series; made by `closed_hamiltonian`.
+    """Modified Hamiltonian in closed form, the sum of its series; `closed_hamiltonian` makes those that are known.
 
-    Attributes:
+    Args:
         label: The names of the method and the scene.
         scene: The scene.
-        kind: ``"linear"`` or ``"field-nijhoff"``.
+        form: The closed form, as the protocol `ClosedForm` describes it.
+
+    Attributes:
+        kind: The name of the form, such as ``"linear"``.
         radius: The radius of convergence in h, a number, or a formula in the variables.
         variables: The names of the variables.
 
     Example:
         >>> import bseries as bs
-        >>> closed = bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff"))
+        >>> closed = bs.hamiltonians.closed_hamiltonian("stormer-verlet", "harmonic-oscillator")
         >>> closed.kind, closed.radius
-        ('field-nijhoff', (p + 1)*(q + 1))
+        ('linear', 2.0)
     """
 
-    def __init__(self, method: Method, scene: Scene, parts: Any, form: FieldNijhoff | LinearHamiltonian):
-        self.label = f"{method.name} on {scene.name}"
-        self.scene, self._form, self._arguments = scene, form, (method, scene, parts)
+    def __init__(self, label: str, scene: Scene, form: ClosedForm):
+        self.label, self.scene, self._form = label, scene, form
         self.kind, self.radius, self.variables = form.kind, form.radius, scene.variables
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        method, scene, parts = self._arguments
-        return partial(closed_hamiltonian, parts=parts), (method, scene)
 
     def __repr__(self) -> str:
         return f"<modified Hamiltonian of {self.label}: closed form for |h| < {self._shown_radius}>"
@@ -377,7 +378,7 @@ class ClosedHamiltonian:
         except SeriesError:
             return None
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: Step) -> sympy.Expr:
         """The formula for a step size, a number or a symbol.
 
         For linear systems the branches of roots and arc functions hold up to the first step size at which an eigenvalue
@@ -387,9 +388,9 @@ class ClosedHamiltonian:
             SeriesError: `h` is neither a number nor an expression, or the frequencies of the linear system are not
                 square roots.
         """
-        return self._form.expression(read_symbolic_step(h)) + self._form.constant
+        return self._form.expression(read_symbolic_step(h))
 
-    def __call__(self, y: Any, h: float) -> Any:
+    def __call__(self, y: ArrayLike, h: float) -> float | Array:
         """The value at one point or many.
 
         Args:
@@ -409,7 +410,7 @@ class ClosedHamiltonian:
             raise SeriesError(
                 f"h must be less than {smallest:.6g}, the radius of convergence, in absolute value, but was {step}"
             )
-        values = self._form.values(states, step) + float(self._form.constant)
+        values = self._form.values(states, step)
         return float(values[0]) if len(shape) == 1 else values
 
     def to_dict(self) -> dict[str, Any]:
@@ -425,13 +426,13 @@ class ClosedHamiltonian:
         }
 
 
-def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any = None) -> ClosedHamiltonian:
+def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Parts | None = None) -> ClosedHamiltonian:
     """The modified Hamiltonian of a symplectic method as the sum of its series, where a closed form is known.
 
-    - Linear systems with H = ½ yᵀSy: H̃ = yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. It is R(hA), A = J⁻¹S, for
-      Runge–Kutta methods, and the series converges if |hλ| < ρ for all eigenvalues λ of A, with ρ the distance of the
-      nearest zero or pole of R from 0. For H = T(p) + U(q) also other methods made of kicks and drifts.
-    - H = ln(α + p) + ln(β + q) with the symplectic Euler methods, which preserve I = (α + p)(β + q).
+    For linear systems with H = ½ yᵀSy it is yᵀ J log Φ_h y / (2h) with the step matrix Φ_h. This is R(hA), A = J⁻¹S,
+    for Runge–Kutta methods, and the series converges if |hλ| < ρ for all eigenvalues λ of A, with ρ the distance of
+    the nearest zero or pole of R from 0. For H = T(p) + U(q) other methods made of kicks and drifts have a form too.
+    Forms of other systems are given to `ClosedHamiltonian`.
 
     Args:
         method: The method, exact.
@@ -447,26 +448,15 @@ def closed_hamiltonian(method: Method | str, scene: Scene | str, *, parts: Any =
         >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("implicit-midpoint"), oscillator))
         modified Hamiltonian of implicit-midpoint on oscillator, for |h| < 2
         2*(p**2/2 + q**2/2)*atan(h/2)/h
-        >>> print(bs.hamiltonians.closed_hamiltonian(bs.method("symplectic-euler-p"), bs.scene("field-nijhoff")))
-        modified Hamiltonian of symplectic-euler-p on field-nijhoff, for |h| < (p + 1)*(q + 1)
-        -1 + (-(-h + (p + 1)*(q + 1))*log(-h + (p + 1)*(q + 1)) + (p + 1)*(q + 1)*log((p + 1)*(q + 1)))/h
 
     References:
-        E. Hairer, lecture on long-time behaviour, example 3 and exercise 5; C. M. Field, F. W. Nijhoff, Nonlinearity 16
-        (2003) 1673–1683.
+        E. Hairer, lecture on long-time behaviour, example 3.
     """
-    method = as_method(method)
-    scene = as_scene(scene)
+    method, scene = as_method(method), as_scene(scene)
+    canonical_pairs(scene)
     H, y = scene.hamiltonian, scene.symbols
     if H is not None and (free := sorted(map(str, H.free_symbols - set(y)))):
         raise SeriesError(f"parameters must have values for a closed form, but {', '.join(free)} had none")
-    if H is not None and H.is_polynomial(*y) and all(sum(degrees) in (0, 2) for degrees in sympy.Poly(H, *y).monoms()):
-        found = LinearHamiltonian(method, scene, sympy.hessian(H, y), parts)
-    else:
-        found = FieldNijhoff.of(method, scene, parts)
-    if found is None:
-        raise SeriesError(
-            "scene must be linear, or ln(α + p) + ln(β + q) with a symplectic Euler method, for a closed form, but was "
-            f"{scene.name} with {method.name}"
-        )
-    return ClosedHamiltonian(method, scene, parts, found)
+    if H is None or not H.is_polynomial(*y) or any(sum(e) not in (0, 2) for e in sympy.Poly(H, *y).monoms()):
+        raise SeriesError(f"scene must be linear for a closed form, but was {scene.name}")
+    return ClosedHamiltonian(f"{method.name} on {scene.name}", scene, LinearHamiltonian(method, scene, H, parts))

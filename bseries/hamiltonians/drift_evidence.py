@@ -24,6 +24,8 @@ from bseries.hamiltonians.modified_hamiltonian import modified_hamiltonian
 from bseries.hamiltonians.perturbations import Perturbation
 from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
+from integrators.runs.trajectory import Trajectory
+from integrators.scenes.particles.parts import Parts
 from integrators.steppers.states import StepError
 
 if TYPE_CHECKING:
@@ -152,8 +154,8 @@ class Evidence(NamedTuple):
 
 
 def run_evidence(
-    r: Perturbation, method: Method, start: Any, h: float, steps: int, parts: Any, *, powers: Sequence[int],
-    order: int, is_symplectic: bool,
+    r: Perturbation, method: Method, start: Sequence[float] | np.ndarray, h: float, steps: int, parts: Parts | None, *,
+    powers: Sequence[int], order: int, is_symplectic: bool,
 ) -> Evidence:  # fmt: skip
     """The evidence of a run from a start.
 
@@ -220,7 +222,7 @@ def _judged(
     )
 
 
-def _leading(r: Perturbation, method: Method, order: int, parts: Any, is_symplectic: bool) -> Leading | None:
+def _leading(r: Perturbation, method: Method, order: int, parts: Parts | None, is_symplectic: bool) -> Leading | None:
     """The first term of the modified equation beyond f; None if it is neither Hamiltonian nor on a canonical scene."""
     power = order if r.twin is not None else next(filter(r.has_terms, range(order, r.field.order)), None)
     if power is None:
@@ -234,8 +236,8 @@ def _leading(r: Perturbation, method: Method, order: int, parts: Any, is_symplec
 
 
 def _pieces(
-    r: Perturbation, method: Method, start: Any, h: float, steps: int, parts: Any
-) -> Iterator[tuple[Any, StepError | None]]:
+    r: Perturbation, method: Method, start: Sequence[float] | np.ndarray, h: float, steps: int, parts: Parts | None
+) -> Iterator[tuple[Trajectory, StepError | None]]:
     """The pieces of a run, each from the last state of the one before; the last one with the failure that ended it."""
     for made in range(0, steps, CHUNK):
         count = min(CHUNK, steps - made)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import sympy
 
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
-from bseries.fields.inputs import check_smooth
+from bseries.fields.inputs import MpNumber, Point, check_smooth
 from bseries.hamiltonians.drift_evidence import Evidence, run_evidence
 from bseries.hamiltonians.drift_statistics import (
     BOUNDED,
@@ -28,15 +28,16 @@ from bseries.hamiltonians.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.perturbations import PeriodGain, Perturbation, Violation, angle_periods, violations
 from bseries.scene_text import place
 from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.errors import shorten
 from bseries_base.plotting import BLACK, SKY, drawing
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators.core.arguments import read_steps
-from integrators.core.errors import shorten
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.runs.titles import write_title
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene, latex_formula
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
 
     from integrators.runs.trajectory import Trajectory
     from trees.tree import Tree
+
+Mean: TypeAlias = "sympy.Expr | MpNumber"
 
 STEPS = 100_000
 LONGEST_FORMULA = 300
@@ -80,7 +83,7 @@ class DriftReport(NamedTuple):
     breaks: Tree | None = None
     broken: Violation | None = None
     orbit: Orbit | None = None
-    means: tuple[tuple[int, Any], ...] = ()
+    means: tuple[tuple[int, Mean], ...] = ()
     evidence: Evidence | None = None
 
     @property
@@ -113,7 +116,7 @@ class DriftReport(NamedTuple):
         return () if self.evidence is None else self.evidence.rates
 
     @property
-    def drift(self) -> tuple[int, Any] | None:
+    def drift(self) -> tuple[int, Mean] | None:
         """The power of h and its coefficient in the mean of dH̃/dt; None if no drift is predicted.
 
         Along a run it is the power that contributes most.
@@ -331,7 +334,7 @@ class DriftReport(NamedTuple):
         return shown_number(mean * self.h**power, digits)
 
 
-def shown_number(value: Any, digits: int = 10) -> str | sympy.Expr:
+def shown_number(value: Mean, digits: int = 10) -> str | sympy.Expr:
     """A number to some digits; formulas of parameters as they are."""
     return value if getattr(value, "free_symbols", None) else f"{float(value):.{digits}g}"
 
@@ -341,10 +344,10 @@ def energy_drift(
     scene: Scene | str,
     order: int | None = None,
     *,
-    y0: Any = None,
+    y0: Point | None = None,
     h: float | None = None,
     steps: int = STEPS,
-    parts: Any = None,
+    parts: Parts | None = None,
 ) -> DriftReport:
     """Whether the energy error of a method on a scene stays bounded, drifts linearly, or like a random walk.
 
@@ -423,7 +426,12 @@ def energy_drift(
 
 
 def _of_the_series(
-    report: DriftReport, method: Method | BSeries, order: int, start: list[float] | None, everywhere: bool, parts: Any
+    report: DriftReport,
+    method: Method | BSeries,
+    order: int,
+    start: list[float] | None,
+    everywhere: bool,
+    parts: Parts | None,
 ) -> DriftReport:
     """The verdict of the modified equation as h tends to 0: for all orbits, or on the closed orbit through a point."""
     r = report.perturbation
@@ -462,7 +470,7 @@ def _on_one_orbit(
     r, last = report.perturbation, report.perturbation.field.order - 1
     if start is None:
         return report._replace(verdict=UNDECIDED, reason="the mean rate depends on the orbit: y0 must be given")
-    orbit, means = closed_orbit(r.scene, start, angle_periods(r.scene)), list[tuple[int, Any]]()
+    orbit, means = closed_orbit(r.scene, start, angle_periods(r.scene)), list[tuple[int, Mean]]()
     for broken in found:
         if not broken.is_closed:
             last = min(broken.power + order - 1, last)
@@ -478,7 +486,7 @@ def _on_one_orbit(
     return report._replace(reason=reason, orbit=orbit, means=tuple(means))
 
 
-def _means(r: Perturbation, broken: Violation, orbit: Orbit, last: int) -> Iterator[tuple[int, Any]]:
+def _means(r: Perturbation, broken: Violation, orbit: Orbit, last: int) -> Iterator[tuple[int, Mean]]:
     """Mean rates along an orbit due to a violation: at its power, and if the form is not closed up to a last power."""
     if broken.is_closed:
         gain = sum(turn.gain * orbit.revolutions[r.scene.places[turn.variable]] for turn in broken.turns)

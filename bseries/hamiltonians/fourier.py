@@ -7,18 +7,22 @@ from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from itertools import chain
 from random import Random
-from typing import Any
+from typing import TypeAlias
 
 import sympy
+from flint import fmpq
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import MOST_MONOMIALS, DifferentialRing
+from bseries.fields.inputs import Formula
 from bseries.fields.polynomials import Element
 
 MOST_POWER = 50  # higher powers of trigonometric polynomials raise an error
 
 DIGITS = 100
 POINTS = 3  # a coefficient that vanishes to `DIGITS` digits at this number of points counts as zero
+
+Terms: TypeAlias = dict[tuple[int, ...], fmpq]
 
 Mode = tuple[int, ...]  # the integers k of a wave e^(ik·θ)
 
@@ -51,7 +55,7 @@ class FourierRing(DifferentialRing):
             [inverse] = self.raised(self.generator(z), Fraction(-1)).generators
             self._waves.append((z, inverse))
 
-    def _leaves(self, formula: Any) -> Iterator[Any]:
+    def _leaves(self, formula: Formula) -> Iterator[Formula]:
         """The largest subexpressions without angles."""
         if formula.free_symbols.isdisjoint(self.angles):
             yield formula
@@ -59,22 +63,22 @@ class FourierRing(DifferentialRing):
             for part in formula.args:
                 yield from self._leaves(part)
 
-    def read(self, formula: Any) -> Element:
+    def read(self, formula: sympy.Expr) -> Element:
         """Convert a formula with finitely many modes."""
         if formula.free_symbols.isdisjoint(self.angles):
             return self.element(formula)
-        if formula.is_Add:
+        if isinstance(formula, sympy.Add):
             return self.dot((1, self.read(part)) for part in formula.args)
-        if formula.is_Mul:
+        if isinstance(formula, sympy.Mul):
             return math.prod(map(self.read, formula.args), start=self.coerce(1))
-        if formula.is_Pow and formula.exp.is_Integer and 0 < formula.exp <= MOST_POWER:
+        if isinstance(formula, sympy.Pow) and formula.exp.is_Integer and 0 < formula.exp <= MOST_POWER:
             return self.power(self.read(formula.base), int(formula.exp))
         return self._read_wave(formula)
 
-    def _read_wave(self, formula: Any) -> Element:
+    def _read_wave(self, formula: sympy.Expr) -> Element:
         """Convert cos(k·θ + β) = cos β cos k·θ − sin β sin k·θ, or a sine."""
         if isinstance(formula, sympy.sin | sympy.cos):
-            argument = sympy.expand(formula.args[0])
+            argument: Formula = sympy.expand(formula.args[0])
             k = [argument.diff(angle) for angle in self.angles]
             if all(n.is_Integer for n in k):
                 phase = argument.xreplace(dict.fromkeys(self.angles, sympy.Integer(0)))
@@ -101,7 +105,7 @@ class FourierRing(DifferentialRing):
         polynomial = self._current(f)
         context, last = polynomial.context(), polynomial.context().nvars() - 1
         places = [(last - forth, last - back) for forth, back in self._waves]
-        found: dict[Mode, tuple[dict[Any, Any], dict[Any, Any]]] = {}
+        found: dict[Mode, tuple[Terms, Terms]] = {}
         for exponents, number in polynomial.terms():
             k = tuple(int(exponents[forth] - exponents[back]) for forth, back in places)
             if k >= self.constant:  # −k has the conjugate coefficient
@@ -117,7 +121,7 @@ class FourierRing(DifferentialRing):
 
     def waves_expression(self, f: Element) -> sympy.Expr:
         """The SymPy expression of a real f in cos k·θ and sin k·θ, with factored coefficients."""
-        total: list[Any] = []
+        total: list[sympy.Expr] = []
         for k, (c, s) in self.modes(f).items():
             argument = sympy.Add(*(n * angle for n, angle in zip(k, self.angles, strict=True)))
             total += [self.to_expression(c) * sympy.cos(argument), self.to_expression(s) * sympy.sin(argument)]
@@ -130,15 +134,15 @@ class FourierRing(DifferentialRing):
 
     def _vanishes(self, element: Element, random: Random) -> bool:
         """Whether an element is zero to many digits, relative to its monomials, at a random point."""
-        formula: Any = self.expression(element)
+        formula = self.expression(element)
         # Values of both signs distinguish √(a²) from a.
         numbers = {
             x: sympy.Rational(random.randint(-999_999, 999_999), 300_007) for x in sorted(formula.free_symbols, key=str)
         }
-        summands: Any = [sympy.N(part.xreplace(numbers), DIGITS + 20) for part in sympy.Add.make_args(formula)]
+        summands = [sympy.N(part.xreplace(numbers), DIGITS + 20) for part in sympy.Add.make_args(formula)]
         return bool(abs(sympy.Add(*summands)) <= sympy.Add(*map(abs, summands)) * sympy.Float(10) ** -DIGITS)
 
     def reciprocal(self, x: Element) -> Element:
         """One over an element, with rationalised denominators for numbers."""
-        value: Any = self.to_expression(x)
+        value = self.to_expression(x)
         return self.element(sympy.radsimp(1 / value)) if value.is_number else self.raised(x, Fraction(-1))

@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import mpmath
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
@@ -29,13 +30,9 @@ from bseries.exact.domains import make_values
 from bseries.exceptions import SeriesError
 from bseries.fields.compiled_formulas import CompiledFormulas
 from bseries.fields.elementary_differentials import SymbolicSeries
-from bseries.fields.modified_fields import (
-    SceneSeries,
-    SceneTrees,
-    flat_fields,
-    trees_of_method,
-    trees_of_series,
-)
+from bseries.fields.inputs import MpNumber
+from bseries.fields.modified_fields import SceneSeries
+from bseries.fields.scene_trees import SceneTrees, flat_fields, trees_of_method, trees_of_series
 from bseries_base.errors import BSeriesError
 from integrators.core.immutable import cached_method
 from integrators.exact.functions import as_function
@@ -44,7 +41,7 @@ from integrators.scenes.model.blocks import Block
 from integrators.scenes.model.formulas import as_float
 from integrators.scenes.model.system import VALUE, LocalTerm, Output, Place, System
 from integrators.scenes.particles.expansion import constant_terms
-from integrators.scenes.particles.parts import Piece, degrees
+from integrators.scenes.particles.parts import Parts, Piece, degrees
 from integrators.scenes.scene import Scene
 from trees.counting import count_trees
 from trees.free_trees import grafting
@@ -90,10 +87,10 @@ class EnergyScene(System):
         )
 
     @property
-    def _data(self) -> tuple[Any, ...]:
+    def _data(self) -> tuple[Scene, tuple[Piece, ...]]:
         return self.scene, self.field_pieces
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[EnergyScene], tuple[Scene, tuple[Piece, ...]]]:
         return EnergyScene, self._data
 
     @cached_property
@@ -125,7 +122,7 @@ def _flat_formula(term: LocalTerm, scene: Scene) -> sympy.Expr:
     """The sum of a term's formula over its sites, in the variables of the scene."""
     symbols, formulas = scene.symbols, []
     for row in term.sites.rows():
-        here: dict[Any, Any] = {**term.data_at(row)}
+        here: dict[sympy.Symbol, sympy.Expr] = {**term.data_at(row)}
         for k, (plus, minus) in enumerate(term.arguments):
             value = symbols[plus.at(row)]
             here[sympy.Symbol(f"x{k}")] = value if minus is None else value - symbols[minus.at(row)]
@@ -139,7 +136,7 @@ class EnergyFormulas:
     def __init__(self, symbols: Sequence[sympy.Symbol], formulas: Sequence[sympy.Expr]):
         self.symbols, self.formulas = tuple(symbols), tuple(formulas)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[EnergyFormulas], tuple[tuple[sympy.Symbol, ...], tuple[sympy.Expr, ...]]]:
         return EnergyFormulas, (self.symbols, self.formulas)
 
     @property
@@ -174,7 +171,7 @@ class EnergyFormulas:
         return self._compiled([[formula.diff(x) for formula in self.formulas] for x in self.symbols])
 
     @property
-    def compiled(self) -> Callable[[Any, float], float]:
+    def compiled(self) -> Callable[[NDArray[np.float64], float], float]:
         """The sum as a numba function (y, h)."""
         return self.total.module.first
 
@@ -190,7 +187,7 @@ class EnergyFormulas:
         """The gradients at the rows of `states`."""
         return self._gradient.values(states, step, workers)
 
-    def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
+    def precise(self, y: Sequence[MpNumber], h: MpNumber, digits: int) -> MpNumber:
         """The sum at one point, in the current precision of mpmath, which exceeds `digits`."""
         terms = as_function(self.symbols, list(self.formulas), "mpmath")
         try:
@@ -217,7 +214,7 @@ class EnergySeries:
         self.series = SceneSeries(cast("Scene", scene), trees, series, route="towers")
         self.order, self._size = series.order, scene.scene.dimension
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[EnergySeries], tuple[EnergyScene, SceneTrees, BSeries]]:
         return EnergySeries, (self.scene, self.series.trees, self.series.series)
 
     @cached_property
@@ -265,14 +262,14 @@ class EnergySeries:
         return as_float(self.scene.constant)
 
     @cached_property
-    def compiled(self) -> Callable[[Any, float], float]:
+    def compiled(self) -> Callable[[NDArray[np.float64], float], float]:
         """The sum as a numba function (y, h)."""
         from numba import njit
 
         field, constant, size, dimension = self.series.compiled, self._constant, self._size, self.scene.dimension
 
         @njit(nogil=True, error_model="numpy")
-        def compiled(y: Any, h: float) -> float:
+        def compiled(y: NDArray[np.float64], h: float) -> float:
             """The energy at y."""
             if y.size != size:
                 raise ValueError("y must have another number of entries")
@@ -299,7 +296,7 @@ class EnergySeries:
         found[0] += self._constant
         return found
 
-    def precise(self, y: Sequence[Any], h: Any, digits: int) -> Any:
+    def precise(self, y: Sequence[MpNumber], h: MpNumber, digits: int) -> MpNumber:
         """The sum at one point, in numbers of mpmath."""
         extended = self.series.precise([*y, *[0] * (self.scene.dimension - self._size)], h, digits)
         constant = as_function([], self.scene.constant, "mpmath")()
@@ -321,7 +318,7 @@ class EnergyTrees(NamedTuple):
         return hamiltonian_field(self.field, colors_are="blocks" if self.blocks else "parts")
 
 
-def energy_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any) -> EnergyTrees:
+def energy_trees(method: Method | BSeries, scene: Scene, order: int, parts: Parts | None) -> EnergyTrees:
     """The trees and coefficients for a method, or a field series, on a canonical scene."""
     if isinstance(method, BSeries):
         method = method.truncate(order)
@@ -341,7 +338,7 @@ def energy_trees(method: Method | BSeries, scene: Scene, order: int, parts: Any)
 
 
 def _table_of_twins(
-    method: Any, scene: EnergyScene, bounds: list[list[int | None]], order: int, colors: Sequence[int], blocks: bool
+    method: Method, scene: EnergyScene, bounds: list[list[int | None]], order: int, colors: Sequence[int], blocks: bool
 ) -> TreeTable:
     """The trees whose coefficients are needed: the root of a twin has as many children as an energy."""
     if max(colors) == 0:

@@ -28,18 +28,19 @@ from bseries.fields.differential_rings import (
     PowerSeries,
     combination,
 )
-from bseries.fields.inputs import power_sum
+from bseries.fields.inputs import Step, power_sum
 from bseries.fields.polynomials import Element
 from bseries.hamiltonians.symplectic_stages import Stages, canonical_pairs, energy_constant, entry, symplectic_stages
 from bseries.scene_text import power_table
 from bseries_base.formulas import formula_text
 from bseries_base.table import Table, as_frame, as_html
 from integrators.core.immutable import cached_method
-from integrators.exact.entries import sum_entries
+from integrators.exact.entries import Entry, sum_entries
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from trees.counting import check_order
 
@@ -67,7 +68,7 @@ class GeneratingFunction(NamedTuple):
     positions: tuple[sympy.Symbol, ...]
     terms: tuple[sympy.Expr, ...]
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: Step) -> sympy.Expr:
         """The truncated function for a step size, a number or a symbol."""
         return power_sum(self.terms, h, first=1)
 
@@ -102,7 +103,7 @@ class GeneratingFunction(NamedTuple):
 
 
 def generating_function(
-    method: Method | str, scene: Scene | str, order: int, *, parts: Any = None
+    method: Method | str, scene: Scene | str, order: int, *, parts: Parts | None = None
 ) -> GeneratingFunction:
     """The generating function of a symplectic method on a canonical Hamiltonian scene.
 
@@ -148,18 +149,19 @@ def generating_function(
 
 
 def generating_terms(
-    method: Method, scene: Scene, order: int, parts: Any = None, *, solved: bool = True
+    method: Method, scene: Scene, order: int, parts: Parts | None = None, *, solved: bool = True
 ) -> tuple[sympy.Expr, ...]:
     """The modified Hamiltonian of a symplectic method from its generating function (HLW, theorem IX.3.2).
 
     If not `solved`, the terms S_1, …, S_N of the generating function itself.
     """
     check_order(order)
-    S = _StageSeries(symplectic_stages(method, scene, parts), scene).generating()  # S / h
+    stages = _StageSeries(symplectic_stages(method, scene, parts), scene)
+    S = stages.generating()  # S / h
     terms = [S[n] for n in range(order)]
     if solved:
-        terms = HamiltonJacobi(S.ring, canonical_pairs(scene)).hamiltonian(terms)
-    first, *others = map(S.ring.to_expression, terms)
+        terms = HamiltonJacobi(stages.ring, canonical_pairs(scene)).hamiltonian(terms)
+    first, *others = map(stages.ring.to_expression, terms)
     return first + energy_constant(scene), *others  # the stages lack the constant of H
 
 
@@ -240,7 +242,7 @@ def generating_hamiltonian(
 
 
 def _expanded_formula(
-    formula: Any,
+    formula: sympy.Expr,
     name: str,
     momenta: Sequence[sympy.Symbol],
     positions: Sequence[sympy.Symbol],
@@ -266,13 +268,15 @@ def _expanded_formula(
     return ring, series, HamiltonJacobi(ring, [(i, size + i) for i in range(size)])
 
 
-def check_formula(formula: Any, name: str) -> None:
+def check_formula(formula: object, name: str) -> None:
     """Check that an argument is an exact formula."""
     if not isinstance(formula, sympy.Expr) or formula.has(sympy.Float):
         raise SeriesError(f"{name} must be a SymPy expression without floats, but was {formula!r:.60}")
 
 
-def check_symbols(momenta: Any, positions: Any, *others: Any) -> tuple[sympy.Symbol, ...]:
+def check_symbols(
+    momenta: Sequence[sympy.Symbol], positions: Sequence[sympy.Symbol], *others: sympy.Symbol
+) -> tuple[sympy.Symbol, ...]:
     """Check that momenta and positions are different symbols, in equal numbers."""
     for name, given in (("momenta", momenta), ("positions", positions)):
         if not isinstance(given, Sequence) or isinstance(given, str) or not given:
@@ -370,15 +374,15 @@ class _StageSeries:
         self._position_rows = {at: [(entry(at, v), k) for k, v in drifts] for at in points}
         rows = [*self._momentum_rows.values(), *self._position_rows.values()]
         numbers = {*self._weights, *self._b.values(), *(x for row in rows for x, _ in row)}
-        irrational = [x for x in numbers if not isinstance(x, Fraction)]
+        irrational = [x for x in numbers if isinstance(x, sympy.Expr)]
         formulas = [stage.hamiltonian for stage in self._stages]
-        self._ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
-        self._elements = self._ring.elements
-        self._numbers = {x: self._ring.element(x) for x in irrational}
+        self.ring = DifferentialRing([*formulas, *irrational, *scene.symbols], scene.symbols)
+        self._elements = self.ring.elements
+        self._numbers: dict[Entry, Element] = {x: self.ring.element(x) for x in irrational}
 
     def generating(self) -> PowerSeries:
         """The series S / h; in h² Σ b_i â_ij H_q(P_i, Q_i)ᵀ H_p(P_j, Q_j) the sum h Σ_j is Q_i − q."""
-        ring = self._ring
+        ring = self.ring
         parts = [
             (self._number(weight), self._at(stage.at)(element))
             for weight, stage, element in zip(self._weights, self._stages, self._elements, strict=False)
@@ -390,13 +394,13 @@ class _StageSeries:
                 parts.append((self._number(b), self._derivative(k, q) * displacement))
         return combination(ring, parts)
 
-    def _number(self, x: Any) -> Any:
-        return self._numbers.get(x, x)
+    def _number(self, x: Entry) -> Element | Fraction:
+        return x if isinstance(x, Fraction) else self._numbers[x]
 
     @cached_method
     def _at(self, at: LinearForm) -> Composition:
         """The composition of formulas with a point."""
-        return Composition(self._ring, self._point(at))
+        return Composition(self.ring, self._point(at))
 
     @cached_method
     def _point(self, at: LinearForm) -> list[PowerSeries]:
@@ -407,22 +411,22 @@ class _StageSeries:
             found[q] = self._shifted(q, p, self._position_rows[at])
         return [found[i] for i in sorted(found)]
 
-    def _shifted(self, place: int, other: int, row: list[tuple[Any, int]]) -> PowerSeries:
+    def _shifted(self, place: int, other: int, row: list[tuple[Entry, int]]) -> PowerSeries:
         """A variable plus h times derivatives of H in the conjugate variable at the stages."""
-        start = self._ring.element(self._ring.variables[place])
+        start = self.ring.element(self.ring.variables[place])
         multiples = [(self._number(x), k) for x, k in row if x != 0]
 
         def coefficient(n: int) -> Element:
             if n == 0:
                 return start
-            return self._ring.dot((x, self._derivative(k, other)[n - 1]) for x, k in multiples)
+            return self.ring.dot((x, self._derivative(k, other)[n - 1]) for x, k in multiples)
 
-        return PowerSeries(self._ring, coefficient)
+        return PowerSeries(self.ring, coefficient)
 
     @cached_method
     def _derivative(self, k: int, place: int) -> PowerSeries:
         """The derivative of H^k in a variable at stage k."""
-        return self._at(self._stages[k].at)(self._ring.derivative(self._elements[k], place))
+        return self._at(self._stages[k].at)(self.ring.derivative(self._elements[k], place))
 
 
 def variational_generating_function(
@@ -487,7 +491,9 @@ def variational_generating_function(
 class _Legendre:
     """Legendre transformation Pᵀv − ℓ(q, v, h) in powers of h."""
 
-    def __init__(self, lagrangian: Any, start: Sequence[Any], end: Sequence[Any], h: sympy.Symbol):
+    def __init__(
+        self, lagrangian: sympy.Expr, start: Sequence[sympy.Symbol], end: Sequence[sympy.Symbol], h: sympy.Symbol
+    ):
         self._q = tuple(start)
         self._v = tuple(sympy.Dummy(f"v{i}") for i in range(1, len(start) + 1))
         self._h = h
@@ -499,11 +505,13 @@ class _Legendre:
             at_zero = point(expansion.elements[0])[0]
         except SeriesError as error:
             raise SeriesError(f"lagrangian must be {h} times a power series for Q = q + {h} v, but {error}") from None
-        self._L: Any = expansion.ring.to_expression(at_zero)
+        self._L = expansion.ring.to_expression(at_zero)
 
-    def terms(self, momenta: Sequence[Any], velocity: Any, order: int) -> tuple[sympy.Expr, ...]:
+    def terms(
+        self, momenta: Sequence[sympy.Symbol], velocity: Sequence[sympy.Expr] | None, order: int
+    ) -> tuple[sympy.Expr, ...]:
         """The terms S_1, S_2, …; since S is stationary in v, v to h^m gives S to h^(2m+2)."""
-        mass: Any = sympy.hessian(self._L, self._v)
+        mass = sympy.hessian(self._L, self._v)
         if mass.det().equals(0):
             raise SeriesError("lagrangian must have an invertible matrix ∂²L/∂v², but its determinant is 0")
         start = self._solved(mass, momenta) if velocity is None else tuple(velocity)
@@ -526,12 +534,14 @@ class _Legendre:
         work = [ring.dot((y, x[n]) for y, x in zip(P, v, strict=True) if n < len(x)) for n in range(order)]
         return tuple(ring.to_expression(work[n] - total[n]) for n in range(order))
 
-    def _expansion(self, velocity: Sequence[Any], variables: Sequence[Any], *others: Any) -> Expansion:
+    def _expansion(
+        self, velocity: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol], *others: sympy.Expr
+    ) -> Expansion:
         """ℓ as a power series, for a velocity at h = 0."""
         start = {**{q: q for q in self._q}, **dict(zip(self._v, velocity, strict=True)), self._h: sympy.Integer(0)}
         return Expansion([self._mean], start, variables, [*velocity, *others])
 
-    def _solved(self, mass: Any, momenta: Sequence[Any]) -> tuple[Any, ...]:
+    def _solved(self, mass: sympy.Matrix, momenta: Sequence[sympy.Symbol]) -> tuple[sympy.Expr, ...]:
         """The velocities as functions of momenta and positions, from P = ∂L/∂v linear in v."""
         if mass.free_symbols & set(self._v):
             raise SeriesError("velocity must be given where L is not quadratic in velocities, but was None")
@@ -539,7 +549,7 @@ class _Legendre:
         return tuple(mass.inv() * (sympy.Matrix(momenta) - sympy.Matrix(at_rest)))
 
 
-def _point(expansion: Expansion, q: Sequence[Any], v: Sequence[Sequence[Element]]) -> Composition:
+def _point(expansion: Expansion, q: Sequence[sympy.Symbol], v: Sequence[Sequence[Element]]) -> Composition:
     """The composition with q, v = v_0 + h v_1 + … and h."""
     ring = expansion.ring
     positions = [PowerSeries.polynomial(ring.element(x)) for x in q]

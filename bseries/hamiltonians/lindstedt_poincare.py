@@ -21,10 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
+from numpy.typing import ArrayLike
 
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import MOST_MONOMIALS, Composition, PowerSeries
-from bseries.fields.inputs import check_power, in_threads, power_sum, read_states, read_step
+from bseries.fields.inputs import Formula, Step, check_power, in_threads, power_sum, read_states, read_step
 from bseries.fields.polynomials import Element, TooLarge
 from bseries.hamiltonians.canonical_transformations import Equations, newton, read_pair
 from bseries.hamiltonians.fourier import FourierRing, Mode
@@ -161,7 +162,7 @@ class NormalForm:
         """The terms of the new Hamiltonian by power of ε."""
         return [self._elimination.ring.waves_expression(term) for term in self._elimination.normal]
 
-    def expression(self, eps: Any) -> sympy.Expr:
+    def expression(self, eps: Step) -> sympy.Expr:
         """The new Hamiltonian for a value of the parameter, a number or a symbol.
 
         Raises:
@@ -189,7 +190,7 @@ class NormalForm:
         write = self._elimination.ring.to_expression
         return MappingProxyType({k: write(value) for k, (value, _) in self._elimination.denominators.items()})
 
-    def small_denominators(self, actions: Any, count: int = 10) -> list[SmallDenominator]:
+    def small_denominators(self, actions: Iterable[object], count: int = 10) -> list[SmallDenominator]:
         """The smallest denominators at a point; zero for a resonance.
 
         Args:
@@ -208,7 +209,7 @@ class NormalForm:
         values = dict(zip(self.actions, numbers, strict=True))
         found = []
         for k, formula in self.denominators.items():
-            value: Any = formula.xreplace(values)
+            value: Formula = formula.xreplace(values)
             if not (value.is_number and value.is_finite and value.is_real):
                 raise SeriesError(f"actions must be where {formula!s:.60} is a real number, but there it was {value}")
             found.append(SmallDenominator(k, self._elimination.denominators[k][1], float(value)))
@@ -216,7 +217,7 @@ class NormalForm:
 
     # The change of variables.
 
-    def to_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
+    def to_normal(self, y: ArrayLike, eps: float, workers: int = 1) -> np.ndarray:
         """Map (a, θ) to (b, φ) at one point or many: b = a − ∇_θ S(b, θ), φ = θ + ∇_b S(b, θ).
 
         Args:
@@ -232,7 +233,7 @@ class NormalForm:
         """
         return self._mapped(False, y, eps, workers)
 
-    def from_normal(self, y: Any, eps: float, workers: int = 1) -> np.ndarray:
+    def from_normal(self, y: ArrayLike, eps: float, workers: int = 1) -> np.ndarray:
         """Map (b, φ) to (a, θ), the inverse of `to_normal`."""
         return self._mapped(True, y, eps, workers)
 
@@ -240,7 +241,7 @@ class NormalForm:
     def _maps(self) -> NormalFormMaps:
         return NormalFormMaps(self._elimination)
 
-    def _mapped(self, is_back: bool, y: Any, eps: Any, workers: int) -> np.ndarray:
+    def _mapped(self, is_back: bool, y: ArrayLike, eps: float, workers: int) -> np.ndarray:
         states, shape = read_states(y, self.scene.dimension)
         value, out, maps = read_step(eps, self.parameter), np.empty_like(states), self._maps
         actions, angles = (slice(block.offset, block.end) for block in self._blocks)
@@ -308,7 +309,7 @@ def lindstedt_poincare(
     order: int,
     *,
     parameter: str = "eps",
-    perturbations: Iterable[Any] | None = None,
+    perturbations: Iterable[object] | None = None,
     keep_resonant: bool = False,
     limit: int = MOST_MONOMIALS,
 ) -> NormalForm:
@@ -370,7 +371,7 @@ def lindstedt_poincare(
     return NormalForm(scene, parameter, blocks, elimination)
 
 
-def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[Any] | None) -> list[sympy.Expr]:
+def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Sequence[object] | None) -> list[sympy.Expr]:
     """The Taylor coefficients H_0 = K, H_1, … of the Hamiltonian in the parameter."""
     known = isinstance(parameter, str) and parameter in scene.parameters
     if not known and perturbations is None:
@@ -379,10 +380,10 @@ def _taylor_terms(scene: Scene, parameter: str, order: int, perturbations: Seque
     if parameter in scene.variables:
         raise SeriesError(f"parameter must have a name of its own, but {parameter:.60} is a variable")
     check_symbols([parameter], "parameter")
-    rest: Any = (scene.with_parameters(**{parameter: parameter}) if known else scene).hamiltonian
+    rest: Formula = (scene.with_parameters(**{parameter: parameter}) if known else scene).hamiltonian
     eps, zero, found = sympy.Symbol(parameter), sympy.Integer(0), []
     for m in range(order + 1):
-        term: Any = rest.xreplace({eps: zero})
+        term = rest.xreplace({eps: zero})
         if term.has(sympy.nan, sympy.zoo, sympy.oo):
             raise SeriesError(
                 f"parameter must be one that can be small, but at {parameter} = 0 there is no Hamiltonian"
@@ -415,7 +416,9 @@ def continued(shift: Equations, origin: np.ndarray) -> np.ndarray:
         found = origin[rest]
         for share in np.arange(1, count + 1) / count:
 
-            def equations(z: np.ndarray, k: np.ndarray, share: Any = share, at: np.ndarray = rest) -> Any:
+            def equations(
+                z: np.ndarray, k: np.ndarray, share: float = share, at: np.ndarray = rest
+            ) -> tuple[np.ndarray, np.ndarray]:
                 value, matrix = shift(z, at[k])
                 return z + share * value - origin[at[k]], identity + share * matrix
 

@@ -5,18 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import sympy
+from numpy.typing import ArrayLike, NDArray
 
 from bseries import scene_text
 from bseries.algebra.bseries import BSeries
 from bseries.analysis.order import order_of
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
-from bseries.fields.inputs import check_power, power_sum, read_states, read_step, warn_where_not_finite
+from bseries.fields.inputs import (
+    MpNumber,
+    Numeral,
+    Point,
+    Step,
+    check_power,
+    power_sum,
+    read_states,
+    read_step,
+    warn_where_not_finite,
+)
 from bseries.fields.modified_fields import SceneSeries, modified_field, read_order
 from bseries.fields.modified_invariants import modified_invariant
 from bseries.fields.term_sizes import warn_beyond_reach
@@ -31,11 +42,10 @@ from bseries.hamiltonians.verdicts import (
     name_of,
 )
 from bseries_base.diagrams import axis_label, draw_curves, draw_levels
-from bseries_base.errors import BSeriesError
+from bseries_base.errors import BSeriesError, shown
 from bseries_base.formulas import formula_text
 from bseries_base.plotting import BLUE, drawing
 from bseries_base.table import PRINT_WIDTH, Column, Table, listed, short_latex
-from integrators.core.errors import shown
 from integrators.exact.arguments import read_window
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -43,12 +53,15 @@ from integrators.reference.plain_steps import Arithmetic
 from integrators.runs.titles import write_title
 from integrators.runs.trajectory import Trajectory
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from trees.counting import check_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+
+Array: TypeAlias = NDArray[np.float64]
 
 POINTS, LEVELS = 200, 15  # of a plot: points in each direction, and level curves
 SPACE = 0.15  # around the states of a run, as a part of their range
@@ -84,7 +97,7 @@ class ModifiedHamiltonian:
         method: Method | BSeries,
         scene: Scene,
         order: int,
-        parts: Any,
+        parts: Parts | None,
         route: str,
         energy: EnergySeries | EnergyFormulas,
     ):
@@ -92,7 +105,7 @@ class ModifiedHamiltonian:
         self._energy = energy
         self.label, self.variables = f"the modified Hamiltonian of {name_of(method)}", scene.variables
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[ModifiedHamiltonian], tuple[object, ...]]:
         return ModifiedHamiltonian, (self.method, self.scene, self.order, self.parts, self.route, self._energy)
 
     def __repr__(self) -> str:
@@ -124,7 +137,7 @@ class ModifiedHamiltonian:
             order = max(order + 1, order_of(method) + FURTHER)
         return hamiltonian_verdict(method, scene, order, parts=parts)
 
-    def __call__(self, y: Any, h: float, workers: int = 1) -> Any:
+    def __call__(self, y: ArrayLike, h: float, workers: int = 1) -> float | Array:
         """The value at one point or many.
 
         A `TruncationWarning` is given if the modified equation is beyond its reach at one of up to 32 of the points.
@@ -153,7 +166,7 @@ class ModifiedHamiltonian:
         if h:
             warn_beyond_reach(self.field, y.T, h, f"{self.label} on {self.scene.name}", stacklevel=4)
 
-    def terms(self, y: Any, *, workers: int = 1) -> np.ndarray:
+    def terms(self, y: ArrayLike, *, workers: int = 1) -> np.ndarray:
         """The terms at one point or many, without the powers of h.
 
         Args:
@@ -167,11 +180,11 @@ class ModifiedHamiltonian:
         return self._energy.evaluator.terms(states, workers).reshape(self.order, *shape[1:])
 
     @property
-    def compiled(self) -> Any:
+    def compiled(self) -> Callable[[Array, float], float]:
         """A numba function (y, h) for other compiled code."""
         return self._energy.evaluator.compiled
 
-    def observer(self, h: float) -> Callable[[float, Any], float]:
+    def observer(self, h: float) -> Callable[[float, Array], float]:
         """An observer (t, y) for `bs.integrate`; a `TruncationWarning` is given if the scene's start is beyond reach.
 
         Example:
@@ -186,13 +199,13 @@ class ModifiedHamiltonian:
         if self.scene.start is not None:
             self._check_reach(self.scene.y0[:, None], step)
 
-        def modified_energy(t: float, y: Any) -> float:
+        def modified_energy(t: float, y: Array) -> float:
             """The modified Hamiltonian at y."""
             return compiled(y, step)
 
         return modified_energy
 
-    def precise(self, y: Any, h: Any, digits: int = 50) -> Any:
+    def precise(self, y: Point, h: Numeral, digits: int = 50) -> MpNumber:
         """The value at one point with a given number of digits, as a number of mpmath.
 
         Args:
@@ -224,7 +237,7 @@ class ModifiedHamiltonian:
         check_power(k, self.order - 1)
         return self._energy.symbolic(k)
 
-    def expression(self, h: Any) -> sympy.Expr:
+    def expression(self, h: Step) -> sympy.Expr:
         """The formula for a step size, a number or a symbol.
 
         Raises:
@@ -237,7 +250,7 @@ class ModifiedHamiltonian:
         """The truncated modified equation with this Hamiltonian."""
         return modified_field(self.method, self.scene, self.order, parts=self.parts)
 
-    def gradient(self, y: Any, h: float, workers: int = 1) -> np.ndarray:
+    def gradient(self, y: ArrayLike, h: float, workers: int = 1) -> np.ndarray:
         """The gradient at one point or many; by trees from the modified equation f = (−∂H̃/∂q, ∂H̃/∂p).
 
         Args:
@@ -259,7 +272,7 @@ class ModifiedHamiltonian:
 
     def plot(
         self, ax: Axes | None = None, *, h: float, run: Trajectory | None = None, x: str | None = None,
-        y: str | None = None, window: Any = None,
+        y: str | None = None, window: Sequence[float] | None = None,
     ) -> Axes:  # fmt: skip
         """Level curves of H̃ over two variables, which a numerical solution follows; or H̃ along a run.
 
@@ -313,7 +326,7 @@ class ModifiedHamiltonian:
         states[i], states[j] = (grid.ravel() for grid in np.meshgrid(across, upwards))
         with catch_warnings():
             simplefilter("ignore")  # H̃ need not be finite everywhere in a window
-            values = self(states, h).reshape(POINTS, POINTS)
+            values = np.reshape(self(states, h), (POINTS, POINTS))
         self._check_reach(states if run is None else run.y, h)
         if not np.isfinite(values).any():
             raise SeriesError(f"window must have points where H~ is finite, but was {ends}")
@@ -431,7 +444,7 @@ def modified_hamiltonian(
     scene: Scene | str,
     order: int | None = None,
     *,
-    parts: Any = None,
+    parts: Parts | None = None,
     route: str = "auto",
 ) -> ModifiedHamiltonian:
     """The modified Hamiltonian of a method on a scene: the Hamiltonian of its truncated modified equation.
@@ -487,7 +500,7 @@ def modified_hamiltonian(
 
 
 def _route_and_energy(
-    method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
+    method: Method | BSeries, scene: Scene, order: int, parts: Parts | None, route: str
 ) -> tuple[str, EnergySeries | EnergyFormulas]:
     """The route to H̃, and H̃ itself."""
     canonical = scene.is_hamiltonian and scene.poisson is None
@@ -522,7 +535,7 @@ def _route_and_energy(
 
 
 def _with_constants(
-    terms: tuple[sympy.Expr, ...], method: Method | BSeries, scene: Scene, order: int, parts: Any, route: str
+    terms: tuple[sympy.Expr, ...], method: Method | BSeries, scene: Scene, order: int, parts: Parts | None, route: str
 ) -> tuple[sympy.Expr, ...]:
     """Integrals with the constants of elementary Hamiltonians or brackets, where these give H̃."""
     if route == "brackets" and isinstance(method, BSeries):

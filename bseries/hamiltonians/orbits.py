@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mpmath
 import numpy as np
 import sympy
 
 from bseries.exceptions import SeriesError
+from bseries.fields.inputs import MpNumber
 from integrators.core.errors import IntegratorError
 from integrators.exact.functions import as_function
 from integrators.reference.solution import first_step, reference_solution
@@ -21,7 +22,7 @@ LEAST_POINTS, MOST_POINTS = 64, 2**14
 """Points of the first and of the last trapezoidal sum; each further sum has twice as many."""
 
 
-def mean_of_samples(samples: Callable[[int], Sequence[Any]]) -> Any:
+def mean_of_samples(samples: Callable[[int], Sequence[MpNumber]]) -> MpNumber:
     """The mean of a smooth periodic function, by the trapezoidal rule, which converges exponentially.
 
     `samples` gives the values at n equidistant points of a period, as numbers of mpmath. The mean is 0 if it is below
@@ -55,7 +56,7 @@ class Orbit(NamedTuple):
 
     scene: Scene
     y0: tuple[float, ...]
-    period: Any  # the time of a revolution, to 15 digits or (away from separatrices) about 25; 0 at an equilibrium
+    period: MpNumber  # the time of a revolution, to 15 digits or (away from separatrices) about 25; 0 at an equilibrium
     revolutions: dict[int, int]  # the signed number of periods that each angle completes in that time
 
     @property
@@ -65,7 +66,7 @@ class Orbit(NamedTuple):
             return "equilibrium"
         return "rotating" if any(self.revolutions.values()) else "oscillating"
 
-    def mean(self, formula: sympy.Expr) -> Any:
+    def mean(self, formula: sympy.Expr) -> MpNumber:
         """The time average of a function; 0 if it is below 10^−15 of the average of absolute values."""
         symbols = self.scene.symbols
         if others := formula.free_symbols - set(symbols):
@@ -75,7 +76,7 @@ class Orbit(NamedTuple):
             if not self.period:
                 return mpmath.mpf(function(*self.y0))
 
-            def samples(points: int) -> list[Any]:
+            def samples(points: int) -> list[MpNumber]:
                 times = [self.period * (j + 1) / points for j in range(points)]
                 states = reference_solution(self.scene, times, y0=self.y0, full=True).numbers()
                 return [mpmath.mpf(function(*y)) for y in states.T]
@@ -132,7 +133,9 @@ def _first_window(scene: Scene, start: np.ndarray) -> tuple[np.ndarray, float]:
     return field * (not at_rest), first_step(scene, longest, y0=start, digits=STEP_DIGITS)
 
 
-def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, periods: Mapping[int, Any]) -> Iterator[float]:
+def _candidates(
+    times: np.ndarray, away: np.ndarray, field: np.ndarray, periods: Mapping[int, MpNumber]
+) -> Iterator[float]:
     """Times at which the section through the start is crossed in the direction of the field."""
     reduced = away.copy()
     for i, period in periods.items():
@@ -143,8 +146,8 @@ def _candidates(times: np.ndarray, away: np.ndarray, field: np.ndarray, periods:
 
 
 def _refined(
-    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, periods: Mapping[int, Any], sizes: np.ndarray
-) -> tuple[Any, dict[int, int]] | None:
+    scene: Scene, start: np.ndarray, guess: float, field: np.ndarray, periods: Mapping[int, MpNumber], sizes: np.ndarray
+) -> tuple[MpNumber, dict[int, int]] | None:
     """The period and the revolutions, by Newton's method; None if the orbit does not close at that time.
 
     Near a saddle, rounding errors decide when a solution leaves it, and solutions with different rounding errors return
@@ -166,8 +169,8 @@ def _refined(
 
 
 def _displacement(
-    scene: Scene, start: np.ndarray, time: Any, periods: Mapping[int, Any]
-) -> tuple[list[Any], dict[int, int], np.ndarray]:
+    scene: Scene, start: np.ndarray, time: MpNumber, periods: Mapping[int, MpNumber]
+) -> tuple[list[MpNumber], dict[int, int], np.ndarray]:
     """The displacement from the start after a time, modulo periods of angles; the numbers of periods; and the error."""
     solution, revolutions = reference_solution(scene, [time], y0=start, full=True), dict[int, int]()
     away = list(solution.numbers()[:, 0] - start)

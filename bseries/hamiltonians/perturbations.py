@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import cached_property, partial, reduce
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import sympy
@@ -15,6 +15,7 @@ import sympy
 from bseries.algebra.bseries import BSeries
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
+from bseries.fields.inputs import Formula
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import antiderivative, covector, inverse_structure
 from bseries.fields.polynomials import Element
@@ -25,6 +26,7 @@ from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import canonical_blocks
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -45,19 +47,19 @@ class Perturbation:
         E. Hairer, lecture on long-time behaviour, equations (17) and (18).
     """
 
-    def __init__(self, method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Any = None):
+    def __init__(self, method: Method | BSeries, scene: Scene, order: int | None = None, *, parts: Parts | None = None):
         self.field = self.series = modified_field(method, scene, order, parts=parts)
         if scene.hamiltonian is None:
             raise SeriesError(f"scene must have a Hamiltonian, but {scene.name} has none")
-        self.scene, self._method, self._parts = scene, method, parts
-        twin: Any = getattr(method, "symplectic_form", method)
+        self.scene, self._energy, self._method, self._parts = scene, scene.hamiltonian, method, parts
+        twin = getattr(method, "symplectic_form", None)
         self.twin: Method | None = None if twin is method else twin
         if self.twin is not None:
             difference = self.field.series - modified_field(self.twin, scene, order, parts=parts).series
             label = f"{self.field.label} less that of {self.twin.name}"
             self.series = SceneSeries(scene, self.field.trees, difference.with_label(label))
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[partial[Perturbation], tuple[Method | BSeries, Scene, int]]:
         return partial(Perturbation, parts=self._parts), (self._method, self.scene, self.field.order)
 
     @property
@@ -77,7 +79,7 @@ class Perturbation:
 
     def rate(self, k: int) -> sympy.Expr:
         """The formula of ∇H · r at h^k."""
-        energy: Any = self.scene.hamiltonian
+        energy = self._energy
         ring, elements = self.ring, self.series.formulas.elements(k + 1)
         H = ring.element(energy)
         return ring.to_expression(ring.dot((ring.derivative(H, i), x) for i, x in enumerate(elements)))
@@ -163,7 +165,7 @@ def angle_periods(scene: Scene) -> dict[int, sympy.Expr]:
     return {i: period for i, period in periods.items() if period is not None}
 
 
-def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None:
+def common_period(formulas: Iterable[sympy.Expr], x: sympy.Symbol) -> sympy.Expr | None:
     """A common period of formulas in x, as they are written; None if there is none or no formula contains x.
 
     It is positive if it is a number. For symbols no absolute value is taken, so that multiples of 2π remain
@@ -176,30 +178,30 @@ def common_period(formulas: Iterable[Any], x: sympy.Symbol) -> sympy.Expr | None
         (12*pi, None)
     """
     formulas = list(formulas)
-    waves: Any = {wave for formula in formulas for wave in formula.atoms(sympy.sin, sympy.cos) if wave.has(x)}
+    waves = {wave for formula in formulas for wave in formula.atoms(sympy.sin, sympy.cos) if wave.has(x)}
     slopes = {wave: sympy.diff(wave.args[0], x) for wave in waves}
-    linear: Any = {wave: sympy.Dummy() for wave, slope in slopes.items() if not slope.has(x)}
+    linear = {wave: sympy.Dummy() for wave, slope in slopes.items() if not slope.has(x)}
     if not linear or any(formula.xreplace(linear).has(x) for formula in formulas):
         return None
     unit = min((slopes[wave] for wave in linear), key=sympy.default_sort_key)
-    multiples: Any = [sympy.simplify(slopes[wave] / unit) for wave in linear]
+    multiples: list[Formula] = [sympy.simplify(slopes[wave] / unit) for wave in linear]
     if not all(multiple.is_Rational for multiple in multiples):
         return None
-    period: Any = 2 * sympy.pi / (reduce(lambda a, b: a.gcd(b), multiples) * unit)
+    period = 2 * sympy.pi / (reduce(lambda a, b: a.gcd(b), multiples) * unit)
     return abs(period) if period.is_number else -period if period.could_extract_minus_sign() else period
 
 
-def rise(function: Any, x: sympy.Symbol, period: Any) -> sympy.Expr:
+def rise(function: sympy.Expr, x: sympy.Symbol, period: sympy.Expr) -> sympy.Expr:
     """F(period) − F(0), where all sines and cosines in F have this period in x; simplified to 0 if possible."""
-    held = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
-    found: Any = sympy.factor(held.subs(x, period) - held.subs(x, 0))
+    held: Formula = function.xreplace({wave: wave.subs(x, 0) for wave in function.atoms(sympy.sin, sympy.cos)})
+    found: Formula = sympy.factor(held.subs(x, period) - held.subs(x, 0))
     return sympy.Integer(0) if found.equals(0) else found
 
 
-def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
+def _period_gain(r: Perturbation, k: int, i: int, period: sympy.Expr) -> PeriodGain:
     """The gain −∫ω_i dy_i over a period, by an antiderivative if possible, else by quadrature."""
     scene, x, name = r.scene, r.scene.symbols[i], r.scene.variables[i]
-    formula: Any = r.ring.to_expression(r.form(k)[i], simplify=False)
+    formula = r.ring.to_expression(r.form(k)[i], simplify=False)
     found = antiderivative(formula, x)
     if found is not None:
         gain = -rise(found, x, period)
@@ -207,9 +209,9 @@ def _period_gain(r: Perturbation, k: int, i: int, period: Any) -> PeriodGain:
             return PeriodGain(name, period, gain, None)
     if formula.free_symbols - set(scene.symbols):
         raise SeriesError(f"scene and method must have numbers for parameters, as no rule integrates {formula!s:.60}")
-    start = scene.start or (0,) * scene.dimension
+    start = scene.start or (sympy.Integer(0),) * scene.dimension
     others = {symbol: value for symbol, value in zip(scene.symbols, start, strict=True) if symbol != x}
-    function = as_function([x], formula.subs(others), "mpmath")
+    function = as_function([x], formula.xreplace(others), "mpmath")
     length = mpmath.mpf(sympy.N(period, WORKING_DIGITS))
     mean = mean_of_samples(lambda n: [mpmath.mpf(function(length * j / n)) for j in range(n)])
     return PeriodGain(name, period, sympy.Float(-length * mean, DIGITS) if mean else sympy.Integer(0), DIGITS)

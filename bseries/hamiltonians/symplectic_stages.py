@@ -12,21 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import sympy
 
 from bseries.algebra.stages import check_method
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
-from integrators.exact.entries import cancels, multiply_entries, sum_entries
+from integrators.exact.entries import Entry, cancels, multiply_entries, sum_entries
 from integrators.methods.programs.evaluations import Evaluation, Field, Flow, LinearForm
 from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian
-from integrators.scenes.particles.parts import Piece, pieces_of
+from integrators.scenes.particles.parts import Parts, Piece, pieces_of
 from integrators.scenes.scene import Scene
 
-Multiples = Mapping[int, Any]  # the factors of h H_q or h H_p at a stage in the evaluations k_e of a program
+Multiples = Mapping[int, Entry]  # the factors of h H_q or h H_p at a stage in the evaluations k_e of a program
 
 
 class Stage(NamedTuple):
@@ -47,12 +47,12 @@ class Stages(NamedTuple):
     stages: tuple[Stage, ...]
     end: LinearForm
 
-    def weight(self, stage: Stage) -> Any:
+    def weight(self, stage: Stage) -> Entry:
         """The weight b_i or b̂_i of the Hamiltonian at a stage."""
         return entry(self.end, stage.forces if stage.kicks else stage.velocities)
 
 
-def entry(at: LinearForm, multiples: Multiples) -> Any:
+def entry(at: LinearForm, multiples: Multiples) -> Entry:
     """The factor of the increment of a stage in a point."""
     return sum_entries(multiply_entries(at.terms[e], multiple) for e, multiple in multiples.items() if e in at.terms)
 
@@ -65,7 +65,7 @@ def canonical_pairs(scene: Scene) -> list[tuple[int, int]]:
     return list(zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True))
 
 
-def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages:
+def symplectic_stages(method: Method, scene: Scene, parts: Parts | None = None) -> Stages:
     """The stages of a symplectic method on a canonical Hamiltonian scene."""
     canonical_pairs(scene)
     program = check_method(method).program
@@ -80,7 +80,7 @@ def symplectic_stages(method: Method, scene: Scene, parts: Any = None) -> Stages
     size = len(method.names) if isinstance(method, RungeKutta | PartitionedRungeKutta) else 1
     found: list[Stage] = []
     for (part, at), members in groups.items():  # stages for T(p), U(q) and the remaining terms of a part
-        evaluations: dict[int, Any] = {e: program.evaluations[e] for e in members}
+        evaluations = {e: program.evaluations[e] for e in members}
         forces, velocities = (
             {
                 e: evaluation.time if isinstance(evaluation, Flow) else Fraction(1)
@@ -114,10 +114,10 @@ def _separated(scene: Scene, part: str | None) -> Iterator[tuple[sympy.Expr, boo
         {scene.symbols[place] for place in places} for places in zip(*canonical_pairs(scene), strict=True)
     )
     summands = [summand for summand in scene.summands if part in (None, summand.part)]
-    energy: Any = flat_hamiltonian(summands, scene)
-    sums: dict[tuple[bool, bool], list[Any]] = {}
+    energy = flat_hamiltonian(summands, scene) or sympy.Integer(0)
+    sums: dict[tuple[bool, bool], list[sympy.Expr]] = {}
 
-    def kind(formula: Any) -> tuple[bool, bool]:
+    def kind(formula: sympy.Expr) -> tuple[bool, bool]:
         return bool(formula.free_symbols & positions), bool(formula.free_symbols & momenta)
 
     for summand in sympy.Add.make_args(energy):

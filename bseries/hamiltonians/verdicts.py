@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from random import Random
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import mpmath
 
@@ -25,6 +25,7 @@ from bseries.algebra.stages import check_method
 from bseries.analysis.order import Verdict, decidable, order_of, trusted
 from bseries.analysis.structure import SEPARABLE, hamiltonian_field
 from bseries.exact.domains import make_values
+from bseries.fields.inputs import MpNumber
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
 from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
@@ -35,9 +36,14 @@ from integrators.exact.functions import as_function
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method, common_bounds
 from integrators.scenes.catalogue.registry import as_scene
-from integrators.scenes.particles.parts import degrees
+from integrators.scenes.particles.parts import Parts, degrees
 from integrators.scenes.scene import Scene
 from trees.table import tree_table
+
+if TYPE_CHECKING:
+    import sympy
+
+Rows: TypeAlias = list[list[MpNumber]]
 
 DIGITS = 100
 STEP = "1e-33"
@@ -148,7 +154,7 @@ class HamiltonianVerdict(NamedTuple):
 
 
 def hamiltonian_verdict(
-    method: Method | BSeries | str, scene: Scene | str, order: int | None = None, *, parts: Any = None
+    method: Method | BSeries | str, scene: Scene | str, order: int | None = None, *, parts: Parts | None = None
 ) -> HamiltonianVerdict:
     """The order to which the modified equation of a method is Hamiltonian, for all H and on one scene.
 
@@ -248,7 +254,7 @@ def hamiltonian_order(f: SceneSeries) -> int:
     return next((k for k, holds_here in enumerate(holds) if not holds_here), f.order)
 
 
-def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[Any, Any]]:
+def _defects(f: SceneSeries, structure: Sequence[Sequence[sympy.Expr | int]]) -> list[tuple[MpNumber, MpNumber]]:
     """The defects u · Df[B v] − v · Df[B u] − u · DB[f] v at a random point, with the sizes of their terms."""
     terms, entries = f.at_digits(DIGITS).terms, as_function(f.scene.symbols, structure, "mpmath")
     random, step = Random(1), mpmath.mpf(STEP)
@@ -256,7 +262,7 @@ def _defects(f: SceneSeries, structure: Sequence[Sequence[Any]]) -> list[tuple[A
     y = [mpmath.mpf(x) + (1 + abs(x)) * random.uniform(-1, 1) / 8 for x in centre]
     u, v = ([mpmath.mpf(random.uniform(-1, 1)) for _ in y] for _ in range(2))
 
-    def derivative(function: Callable[[Any], Any], direction: Sequence[Any]) -> Any:
+    def derivative(function: Callable[[list[MpNumber]], Rows], direction: Sequence[MpNumber]) -> Rows:
         ahead, behind = ([a + s * d for a, d in zip(y, direction, strict=True)] for s in (step, -step))
         return [
             [(a - b) / (2 * step) for a, b in zip(*rows, strict=True)]

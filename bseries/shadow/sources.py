@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import IO, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bseries.exceptions import SeriesError
 from integrators import Scene
@@ -64,7 +65,7 @@ class SceneForces:
     `names` are those of momenta and of positions, and `inverse_masses` is the matrix M⁻¹.
     """
 
-    def __init__(self, scene: Any):
+    def __init__(self, scene: object):
         if not isinstance(scene, Scene):
             raise SeriesError(f"scene must be a Scene, but was {scene!r:.60}")
         blocks = scene.canonical_pair if scene.is_hamiltonian else None
@@ -123,12 +124,12 @@ class Source(NamedTuple):
     dimension: int  # the number of coordinates
     h: float | None = None  # the step size, if stored
     every: int = 1  # the steps per stored state; 0 if only the start and the end are stored
-    mass: Any = None  # masses, if stored
+    mass: np.ndarray | None = None  # masses, if stored
     method: str | None = None  # the method, if known
     forces: SceneForces | None = None  # the scene that supplies potentials and forces, unless columns do
 
 
-def open_source(trajectory: Any, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+def open_source(trajectory: Any, columns: Mapping[str, object] | None, forces: SceneForces | None) -> Source:
     """The source of a trajectory: its `columns` by role, and the scene that supplies forces, if there is one."""
     if columns is not None and not isinstance(columns, Mapping):
         raise SeriesError(f'columns must be a dict, as in {{"q": "x*"}}, but was {columns!r:.60}')
@@ -168,7 +169,7 @@ def _stored(path: str, label: str) -> Any:
     return stored
 
 
-def _by_name(data: Any, label: str) -> Mapping[str, Any]:
+def _by_name(data: Any, label: str) -> Mapping[str, ArrayLike]:
     """Arrays by name: those of a mapping or data frame, or the fields or columns of one array."""
     if hasattr(data, "to_records"):  # a frame of pandas, with its index
         data = data.to_records()
@@ -184,7 +185,7 @@ def _by_name(data: Any, label: str) -> Mapping[str, Any]:
     return {str(k): column for k, column in enumerate(data.T)}
 
 
-def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+def _own(run: Trajectory, label: str, columns: Mapping[str, object] | None, forces: SceneForces | None) -> Source:
     """The source of a trajectory of this package, which stores its scene."""
     if columns is not None:
         raise SeriesError("columns must be left out for a Trajectory, which has names of its own, but was given")
@@ -213,7 +214,9 @@ def _own(run: Trajectory, label: str, columns: Mapping[str, Any] | None, forces:
     return Source(label, blocks, len(run.t), len(forces.names[1]), h=run.h, every=every, method=method, forces=forces)
 
 
-def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None) -> Source:
+def _of_text(
+    file: str | IO[str], label: str, columns: Mapping[str, object] | None, forces: SceneForces | None
+) -> Source:
     """The source of a table: names of columns in the first line, unless `columns` has places, then a line per state."""
     lines = _lines(file, label)
     heading = next(lines, "").lstrip("# ")
@@ -247,7 +250,7 @@ def _of_text(file: str | IO[Any], label: str, columns: Mapping[str, Any] | None,
     return Source(label, blocks, None, len(found["q"]), forces=forces)
 
 
-def _lines(source: str | IO[Any], label: str) -> Iterator[str]:
+def _lines(source: str | IO[str], label: str) -> Iterator[str]:
     """The lines that are neither empty nor comments; the first may be a comment."""
     is_first = True
     with open(source, encoding="utf-8-sig") if isinstance(source, str) else nullcontext(source) as file:
@@ -271,7 +274,7 @@ def _is_number(text: str) -> bool:
 
 def _find_roles(
     names: Iterable[str],
-    columns: Mapping[str, Any] | None,
+    columns: Mapping[str, object] | None,
     label: str,
     forces: SceneForces | None,
     roles: Sequence[str],
@@ -305,7 +308,7 @@ def _find_roles(
     return found
 
 
-def _chosen(what: Any, names: list[str], label: str) -> list[str]:
+def _chosen(what: object, names: list[str], label: str) -> list[str]:
     """The names that ``x*``, ``x,y``, a place such as 3 or places such as ``1:3`` stand for."""
     found: list[str] = []
     for piece in what.split(",") if isinstance(what, str) else what if isinstance(what, list | tuple) else [what]:
@@ -323,7 +326,7 @@ def _chosen(what: Any, names: list[str], label: str) -> list[str]:
 
 
 def _of_arrays(
-    arrays: Mapping[str, Any], label: str, columns: Mapping[str, Any] | None, forces: SceneForces | None
+    arrays: Mapping[str, ArrayLike], label: str, columns: Mapping[str, object] | None, forces: SceneForces | None
 ) -> Source:
     """The source of arrays, (variables, times) or (times, …) each: (times, …) if both axes are as long as the times."""
     by_text = {str(name): name for name in arrays}
@@ -358,7 +361,7 @@ def _check_width(role: str, width: int, dimension: int) -> None:
         raise SeriesError(f"{role} must have {whose}, but has {width}")
 
 
-def _array(arrays: Mapping[str, Any], name: Any, label: str) -> np.ndarray:
+def _array(arrays: Mapping[str, ArrayLike], name: str, label: str) -> np.ndarray:
     """A stored array of real numbers."""
     try:
         array = np.asanyarray(arrays[name])

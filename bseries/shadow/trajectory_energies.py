@@ -12,6 +12,7 @@ from itertools import chain
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bseries.exceptions import SeriesError
 from bseries.shadow.formulas import LEAST_ORDER, ShadowFormula, check_order, shadow_formula
@@ -21,6 +22,7 @@ from bseries_base.kernels import float_kernel
 from integrators.core.arguments import check_progress
 from integrators.exact.arguments import read_number
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.scene import Scene
 
 CHUNK_NUMBERS = 2**17
 """Numbers of one kind processed at a time, for the processor's cache."""
@@ -45,14 +47,14 @@ PLURALS = {"t": "times", "q": "positions", "p": "momenta", "v": "velocities", "U
 
 def shadow_energy(
     trajectory: Any,
-    scene: Any = None,
+    scene: Scene | str | None = None,
     *,
     order: int | None = None,
     h: float | None = None,
-    mass: Any = None,
+    mass: ArrayLike | None = None,
     columns: Mapping[str, str] | None = None,
     layout: str = "full",
-    period: Any = None,
+    period: ArrayLike | None = None,
     tolerance: float | None = None,
     keep: bool = False,
     progress: Callable[[int, int], object] | None = None,
@@ -140,7 +142,7 @@ def _step(source: Source, t: np.ndarray | None, h: float | None) -> float:
     return step
 
 
-def _inverse_masses(source: Source, mass: Any) -> np.ndarray:
+def _inverse_masses(source: Source, mass: ArrayLike | None) -> np.ndarray:
     """M⁻¹ or its diagonal: of a scene, or from the masses given or stored with the columns."""
     if source.forces is None:
         given = next((masses for masses in (mass, source.mass) if masses is not None), 1.0)
@@ -307,7 +309,7 @@ def _longest(columns: np.ndarray) -> float:
     return most * float(np.sqrt(np.max(np.sum((columns / most) ** 2, axis=0)))) if most else 0.0
 
 
-def _positive_numbers(value: Any, argument: str, dimension: int, spread: Callable[..., np.ndarray]) -> np.ndarray:
+def _positive_numbers(value: ArrayLike, argument: str, dimension: int, spread: Callable[..., np.ndarray]) -> np.ndarray:
     """Positive numbers for all coordinates, from one, or one for each particle, dimension of space or coordinate."""
     try:
         values = np.asarray(value, dtype=float).reshape(-1)

@@ -8,10 +8,10 @@ import builtins
 import inspect
 import linecache
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from textwrap import dedent
 from types import CodeType, FunctionType
-from typing import Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol, TypeAlias
 
 from llvmlite import ir
 from numba import types
@@ -20,6 +20,11 @@ from numba.extending import _Intrinsic  # pyright: ignore[reportPrivateImportUsa
 
 from bseries_base.syntax_trees import compiled_tree, syntax_tree
 
+if TYPE_CHECKING:
+    from numba.core.cpu import CPUContext
+    from numba.core.typing.context import BaseContext as TypingContext
+    from numba.core.typing.templates import Signature
+
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Pow: operator.pow, ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.LShift: operator.lshift,
@@ -27,7 +32,7 @@ OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Not: operator.not_, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
     ast.Eq: operator.eq, ast.NotEq: operator.ne,
 }  # fmt: skip
-EXTREMES = {max: operator.gt, min: operator.lt}
+EXTREMES: dict[object, Callable[..., bool]] = {max: operator.gt, min: operator.lt}
 WHOLE, UNSIGNED = types.int64, types.uint64
 
 
@@ -36,9 +41,9 @@ def refuse(node: ast.AST, reason: str = "is not lowered") -> NoReturn:
     raise NotImplementedError(f"{ast.unparse(node)!r:.200} {reason}")
 
 
-def tree_of(function: Any) -> ast.FunctionDef:
+def tree_of(function: FunctionType) -> ast.FunctionDef:
     """The syntax tree of a function."""
-    code: CodeType = function.__code__
+    code = function.__code__
     lines = linecache.getlines(code.co_filename, function.__globals__)  # also of modules outside `sys.modules`
     parsed = syntax_tree(dedent("".join(inspect.getblock(lines[code.co_firstlineno - 1 :]))))
     tree = next(ast.iter_child_nodes(parsed))
@@ -66,17 +71,40 @@ def tree_of(function: Any) -> ast.FunctionDef:
     return tree
 
 
+NumbaType: TypeAlias = Any  # a type or a signature, where numba's classes do not declare its attributes
+Builder: TypeAlias = Any  # an `ir.IRBuilder`, whose decorators hide the arguments and results of its methods
+Operand: TypeAlias = ir.NamedValue | ir.Constant
+"""What instructions of LLVM take and give."""
+
+
 class Value(NamedTuple):
     """A value in LLVM with its numba type."""
 
-    type: Any
-    llvm: Any
+    type: types.Type
+    llvm: Operand
 
 
 class Written(NamedTuple):
     """A function of a module that writes its own code where it is called."""
 
     write: Callable[..., Value]  # of the unit, the builder and the arguments
+
+
+class Functions(Protocol):
+    """The functions that expressions call, in one module (see `units`)."""
+
+    context: CPUContext
+    typing: TypingContext
+
+    def implementation(
+        self, function: object, arguments: tuple[types.Type, ...]
+    ) -> tuple[Signature, Callable[..., Operand]]:
+        """Numba's signature and implementation of a function for these types of arguments."""
+        ...
+
+    def call(self, builder: ir.IRBuilder, function: FunctionType, values: Sequence[Value]) -> Value:
+        """Call a Python function in LLVM."""
+        ...
 
 
 class Expressions(ast.NodeVisitor):
@@ -86,7 +114,7 @@ class Expressions(ast.NodeVisitor):
     it may change between a pointer and a number. The `unit` (see `units`) provides the functions that they call.
     """
 
-    def __init__(self, unit: Any, made: Any, function: Any):
+    def __init__(self, unit: Functions, made: ir.Function, function: FunctionType):
         self.unit, self.made = unit, made
         self.names, self.local = function.__globals__, frozenset(function.__code__.co_varnames)
         # memory for variables, then constants of the module, then everything else
@@ -95,11 +123,11 @@ class Expressions(ast.NodeVisitor):
         self.jumps = (entry, constants), (constants, begin)
         self.variables: dict[str, Value] = {}
 
-    def block(self) -> Any:
+    def block(self) -> ir.Block:
         """A new block of instructions."""
         return self.made.append_basic_block()
 
-    def generic_visit(self, node: ast.AST) -> Any:
+    def generic_visit(self, node: ast.AST) -> NoReturn:
         refuse(node)
 
     def visit_Name(self, node: ast.Name) -> Value:
@@ -123,7 +151,7 @@ class Expressions(ast.NodeVisitor):
 
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         items = self._items(node)
-        kind = types.BaseTuple.from_types([item.type for item in items])
+        kind: NumbaType = types.BaseTuple.from_types([item.type for item in items])
         return Value(kind, self.unit.context.make_tuple(self.builder, kind, [item.llvm for item in items]))
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
@@ -199,7 +227,7 @@ class Expressions(ast.NodeVisitor):
             known = self.variables[name] = Value(value.type, place)
         self.builder.store(self._kept(value, known.type), known.llvm)
 
-    def _operator(self, node: Any) -> Callable[..., Any]:
+    def _operator(self, node: ast.BinOp | ast.UnaryOp | ast.AugAssign) -> Callable[..., Any]:
         return OPERATORS[type(node.op)] if type(node.op) in OPERATORS else refuse(node)
 
     def _items(self, node: ast.expr) -> list[Value]:
@@ -209,48 +237,48 @@ class Expressions(ast.NodeVisitor):
         value = self.visit(node)
         return [*map(Value, value.type.types, cgutils.unpack_tuple(self.builder, value.llvm))]
 
-    def _place(self, pointer: Value, index: ast.expr) -> Any:
+    def _place(self, pointer: Value, index: ast.expr) -> Operand:
         """The address of an entry."""
         return self.builder.gep(pointer.llvm, [self._cast(self.visit(index), WHOLE)])
 
-    def _truth(self, node: ast.expr) -> Any:
+    def _truth(self, node: ast.expr) -> Operand:
         value = self.visit(node)
         return self.unit.context.is_true(self.builder, value.type, value.llvm)
 
-    def known(self, name: str) -> Any:
+    def known(self, name: str) -> object:
         """The value of a name in the module."""
         return self.names[name] if name in self.names else getattr(builtins, name)
 
-    def _constant(self, value: Any) -> Value:
+    def _constant(self, value: object) -> Value:
         kind = types.unliteral(self.unit.typing.resolve_value_type(value))
         return Value(kind, self.unit.context.get_constant_generic(self.constants, kind, value))
 
-    def _call(self, function: Any, *arguments: Value) -> Value:
+    def _call(self, function: object, *arguments: Value) -> Value:
         """Call a function of numba."""
         signature, call = self.unit.implementation(function, tuple(x.type for x in arguments))
         values = [self._cast(x, kind) for x, kind in zip(arguments, signature.args, strict=True)]
         return Value(types.unliteral(signature.return_type), call(self.builder, values))
 
-    def _kept(self, value: Value, kind: Any) -> Any:
+    def _kept(self, value: Value, kind: types.Type) -> Operand:
         """Convert a value to the type of a variable that can hold it."""
         given = types.unliteral(value.type)
         if not _can_hold(kind, given):
             raise NotImplementedError(f"a {given} is no {kind}")
         return self._cast(value, kind)
 
-    def _cast(self, value: Value, kind: Any) -> Any:
+    def _cast(self, value: Value, kind: types.Type) -> Operand:
         if value.type == kind:
             return value.llvm
         return self.unit.context.cast(self.builder, value.llvm, value.type, kind)
 
 
-def _can_hold(kind: Any, given: Any) -> bool:
+def _can_hold(kind: NumbaType, given: NumbaType) -> bool:
     """Whether a type can represent the values of another; integers become doubles, as in Python."""
     if kind == given:
         return True
-    parts: tuple[Any, Any] = getattr(kind, "types", None), getattr(given, "types", None)  # of tuples
-    if None not in parts:
-        return len(parts[0]) == len(parts[1]) and all(map(_can_hold, *parts))
+    parts, others = getattr(kind, "types", None), getattr(given, "types", None)  # of tuples
+    if parts is not None and others is not None:
+        return len(parts) == len(others) and all(map(_can_hold, parts, others))
     if kind == types.float64:
         return given == types.boolean or given in types.number_domain
     if kind not in types.integer_domain or given not in types.integer_domain:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import cache, partial
-from types import MethodType
-from typing import Any
+from types import FunctionType, MethodType
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from llvmlite import ir
 from llvmlite.binding.ffi import ObjectRef
@@ -22,23 +22,30 @@ from bseries_base.interrupts import outside_llvmlite
 from bseries_base.lowering.units import Unit
 from bseries_base.machine_code import FUNCTION, ObjectCode, c_address
 
+if TYPE_CHECKING:
+    from llvmlite.binding import ModuleRef
+    from numba.core.typing.templates import Signature
+
+
+Managers: TypeAlias = Any  # a pass manager, with other things in some versions of numba
+
 
 class _Codegen(JITCPUCodegen):
     """Numba's optimisation and code for this processor, but no code in memory."""
 
     _library_class = AOTCodeLibrary
 
-    def _add_module(self, module: Any) -> None:
+    def _add_module(self, module: ModuleRef) -> None:
         pass
 
-    def _module_pass_manager(self, *arguments: Any, **options: Any) -> Any:
-        return _freed(super()._module_pass_manager(*arguments, **options))
+    def _module_pass_manager(self, **options: object) -> Managers:
+        return _freed(super()._module_pass_manager(**options))
 
-    def _function_pass_manager(self, *arguments: Any, **options: Any) -> Any:
-        return _freed(super()._function_pass_manager(*arguments, **options))
+    def _function_pass_manager(self, **options: object) -> Managers:
+        return _freed(super()._function_pass_manager(**options))
 
 
-def _freed(made: Any) -> Any:
+def _freed(made: Managers) -> Managers:
     """Let a pass manager free its memory, 0.3 MB in all for a step; some versions of llvmlite do not."""
     manager = made[0] if isinstance(made, tuple) else made
     classes = (kind for kind in type(manager).__mro__ if kind is not ObjectRef and "_dispose" in vars(kind))
@@ -47,11 +54,11 @@ def _freed(made: Any) -> Any:
 
 
 @cache
-def _codegen() -> Any:
+def _codegen() -> _Codegen:
     return _Codegen("objects")
 
 
-def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode:
+def object_code(function: FunctionType, signature: Signature, **options: object) -> ObjectCode:
     """Compile a generated function to a C function.
 
     Args:
@@ -64,7 +71,7 @@ def object_code(function: Any, signature: Any, **options: Any) -> ObjectCode:
 
 @outside_llvmlite()
 @global_compiler_lock
-def written_code(write: Callable[[Unit], None], name: str, **options: Any) -> ObjectCode:
+def written_code(write: Callable[[Unit], None], name: str, **options: object) -> ObjectCode:
     """Compile the C function `FUNCTION` that `write` puts into an empty module, with options of numba."""
     typing: Any = cpu_target.typing_context
     target: Any = cpu_target.target_context
@@ -92,7 +99,7 @@ def written_code(write: Callable[[Unit], None], name: str, **options: Any) -> Ob
     return ObjectCode((), library.emit_native_object(), is_lasting=False, objects=objects)
 
 
-def _write(function: Any, signature: Any, unit: Unit) -> None:
+def _write(function: FunctionType, signature: Signature, unit: Unit) -> None:
     """Write a function, and one that calls it by the conventions of C."""
     result, *arguments = map(unit.context.get_value_type, (signature.return_type, *signature.args))
     made = ir.Function(unit.module, ir.FunctionType(result, arguments), FUNCTION)
@@ -103,7 +110,7 @@ def _write(function: Any, signature: Any, unit: Unit) -> None:
     builder.ret(value)  # 0 after an error
 
 
-def _symbols(module: Any) -> list[str] | None:
+def _symbols(module: ModuleRef) -> list[str] | None:
     """The functions of the C library that a module calls; None if it needs more, as functions of the user do."""
     if any(variable.is_declaration for variable in module.global_variables):
         return None

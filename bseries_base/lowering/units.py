@@ -7,8 +7,9 @@ import ast
 import inspect
 import operator
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 from llvmlite.ir.instructions import AllocaInstr
@@ -16,8 +17,24 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from bseries_base.lowering.expressions import UNSIGNED, WHOLE, Expressions, Value, refuse, tree_of
+from bseries_base.lowering.expressions import (
+    UNSIGNED,
+    WHOLE,
+    Builder,
+    Expressions,
+    Functions,
+    NumbaType,
+    Operand,
+    Value,
+    refuse,
+    tree_of,
+)
 from bseries_base.lowering.vectors import VectorLoop
+
+if TYPE_CHECKING:
+    from numba.core.cpu import CPUContext
+    from numba.core.typing.context import BaseContext as TypingContext
+    from numba.core.typing.templates import Signature
 
 MOST_COPIED = 20_000
 """Most instructions in all inlined copies of a function, before LLVM unrolls its loops."""
@@ -28,13 +45,13 @@ MOST_STACK = 8192
 class Statements(Expressions):
     """Writes the body of a function."""
 
-    def __init__(self, unit: Unit, made: Any, function: Any, result: Any):
+    def __init__(self, unit: Functions, made: ir.Function, function: FunctionType, result: types.Type):
         super().__init__(unit, made, function)
         self.result = result
-        self.loops: list[tuple[Any, Any]] = []
+        self.loops: list[tuple[ir.Block, ir.Block]] = []
         self.has_vectors = False
 
-    def write(self, tree: ast.FunctionDef, arguments: Sequence[Any]) -> None:
+    def write(self, tree: ast.FunctionDef, arguments: Sequence[types.Type]) -> None:
         """Write the whole function."""
         context = self.unit.context
         values = context.get_arg_packer(arguments).from_arguments(
@@ -79,7 +96,7 @@ class Statements(Expressions):
             refuse(node)
         self._return(self._kept(self.visit(node.value), self.result))
 
-    def _return(self, value: Any) -> None:
+    def _return(self, value: Operand) -> None:
         context = self.unit.context
         context.call_conv.return_value(self.builder, context.get_return_value(self.builder, self.result, value))
 
@@ -108,7 +125,7 @@ class Statements(Expressions):
     def visit_For(self, node: ast.For) -> None:
         if not isinstance(node.iter, ast.Call) or not isinstance(node.target, ast.Name):
             refuse(node)
-        if VectorLoop(self, node).write():
+        if VectorLoop(self, node, node.target.id).write():
             self.has_vectors = True
             return
         bounds = [self.visit(x) for x in node.iter.args[:2]]
@@ -131,13 +148,13 @@ class Statements(Expressions):
         self.assign(node.target.id, Value(kind, now))
         self._loop(node.body, body, following, after)
         self.builder.position_at_end(following)
-        builder: Any = self.builder
         flags = ["nsw" if kind == WHOLE else "nuw"]
+        builder: Builder = self.builder
         builder.store(builder.add(now, ir.Constant(ir.IntType(64), step), flags=flags), counter)
         self.builder.branch(head)
         self.builder.position_at_end(after)
 
-    def _loop(self, statements: Iterable[ast.stmt], body: Any, following: Any, after: Any) -> None:
+    def _loop(self, statements: Iterable[ast.stmt], body: ir.Block, following: ir.Block, after: ir.Block) -> None:
         """The body of a loop; `continue` leads to the block `following`, and `break` to `after`."""
         self.builder.position_at_end(body)
         self.loops.append((following, after))
@@ -146,14 +163,14 @@ class Statements(Expressions):
         self.loops.pop()
         self.builder.position_at_end(after)
 
-    def _go_on(self, block: Any) -> None:
+    def _go_on(self, block: ir.Block) -> None:
         """Branch to a block, unless the present block has ended."""
         if not self._has_ended():
             self.builder.branch(block)
 
     def _has_ended(self) -> bool:
-        block: Any = self.builder.block
-        return block.is_terminated
+        block = self.builder.block
+        return block is not None and block.is_terminated
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
@@ -174,23 +191,27 @@ class Statements(Expressions):
 class Unit:
     """Functions in one LLVM module, and those of numba that they call, each looked up once for its argument types."""
 
-    def __init__(self, context: Any, typing: Any, module: Any):
+    def __init__(self, context: CPUContext, typing: TypingContext, module: ir.Module):
         self.context, self.typing, self.module = context, typing, module
-        self._known: dict[Any, tuple[Any, Any]] = {}
-        self._functions: dict[Any, tuple[Any, Any]] = {}
-        self._calls: Counter[Any] = Counter()
-        self._in_vectors: list[Any] = []
+        self._known: dict[Hashable, tuple[Signature, Callable[..., Operand]]] = {}
+        self._functions: dict[Hashable, tuple[ir.Function, types.Type]] = {}
+        self._calls: Counter[ir.Function] = Counter()
+        self._in_vectors: list[ir.Function] = []
 
-    def implementation(self, function: Any, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+    def implementation(
+        self, function: object, arguments: tuple[types.Type, ...]
+    ) -> tuple[Signature, Callable[..., Operand]]:
         """Numba's signature and implementation of a function for these types of arguments."""
         key = function, arguments
         if key not in self._known:
             kind = self.typing.resolve_value_type(function)
-            signature = self.typing.resolve_function_type(kind, arguments, {})
+            signature: NumbaType = self.typing.resolve_function_type(kind, arguments, {})
             self._known[key] = signature, self.context.get_function(kind, signature)
         return self._known[key]
 
-    def function(self, function: Any, arguments: tuple[Any, ...], result: Any = None) -> tuple[Any, Any]:
+    def function(
+        self, function: FunctionType, arguments: tuple[types.Type, ...], result: types.Type | None = None
+    ) -> tuple[ir.Function, types.Type]:
         """The LLVM function of a Python function, and the type of its result.
 
         The result is by default a double, an integer if the function says so, or none if it returns nothing; its source
@@ -223,7 +244,9 @@ class Unit:
             if self._calls[made] * len(instructions) <= MOST_COPIED and self._calls[made] * stack <= MOST_STACK:
                 made.attributes.add("alwaysinline")
 
-    def call(self, builder: Any, function: Any, values: Sequence[Value], result: Any = None) -> Value:
+    def call(
+        self, builder: ir.IRBuilder, function: FunctionType, values: Sequence[Value], result: types.Type | None = None
+    ) -> Value:
         """Call a Python function in LLVM."""
         kinds = tuple(value.type for value in values)
         made, result = self.function(function, kinds, result)
@@ -235,7 +258,7 @@ class Unit:
         return Value(result, value)
 
 
-def lowered(signature: Any = None) -> Callable[[Any], Any]:
+def lowered(signature: Signature | None = None) -> Callable[[FunctionType], Any]:
     """Turn a generated function into an intrinsic that functions compiled by numba can call.
 
     Example:
@@ -253,9 +276,11 @@ def lowered(signature: Any = None) -> Callable[[Any], Any]:
         8.0
     """
 
-    def made(function: Any) -> Any:
-        def typed(typing: Any, *arguments: Any) -> Any:
-            def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def made(function: FunctionType) -> Any:
+        def typed(typing: TypingContext, *arguments: types.Type) -> tuple[Signature, Callable[..., Operand]]:
+            def codegen(
+                context: CPUContext, builder: ir.IRBuilder, signature: Signature, values: Sequence[Operand]
+            ) -> Operand:
                 unit = Unit(context, typing, builder.module)
                 arguments = [Value(*pair) for pair in zip(signature.args, values, strict=True)]
                 value = unit.call(builder, function, arguments, signature.return_type).llvm

@@ -11,7 +11,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable
 from functools import reduce
-from typing import Any
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 from llvmlite import ir
@@ -19,7 +19,7 @@ from numba import types
 from numba.core import cgutils
 
 from bseries_base.lowering import MOST_PERMUTED, WIDTH
-from bseries_base.lowering.expressions import OPERATORS, WHOLE, Expressions, Value
+from bseries_base.lowering.expressions import OPERATORS, WHOLE, Builder, Expressions, Operand, Value
 
 WORD, INDEX, NUMBER = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 ALIGNMENT = 8
@@ -34,6 +34,9 @@ LONG = 80
 """Instructions per vector beyond which vectors are computed in a loop, whatever their number."""
 LEAST = -(2**63)
 """The least integer of 64 bits, from which maxima start."""
+
+
+Vector: TypeAlias = Any  # an operand that is a vector; llvmlite does not declare which type an operand has
 
 
 class UnsuitedError(Exception):
@@ -56,31 +59,32 @@ class VectorLoop(ast.NodeVisitor):
         maxima: Addresses of maxima by variable and width.
     """
 
-    def __init__(self, scalars: Expressions, node: Any):
-        self.scalars, self.node, self.counter = scalars, node, node.target.id
-        self.builder: Any = scalars.builder
+    def __init__(self, scalars: Expressions, node: ast.For, counter: str):
+        self.scalars, self.node, self.counter = scalars, node, counter
+        self.builder: Builder = scalars.builder
         parts = (part for statement in node.body for part in ast.walk(statement))
         self.names = {part.id for part in parts if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)}
-        self.first, self.width, self.base = 0, 0, None
-        self.vectors: dict[str, Any] = {}
+        self.first, self.width = 0, 0
+        self.base: Operand | None = None
+        self.vectors: dict[str, Vector] = {}
         self.is_permuted = False
         self.read: set[tuple[str, int, int]] = set()
         self.written: set[tuple[str, int, int]] = set()
-        self.maxima: dict[tuple[str, int], Any] = {}
+        self.maxima: dict[tuple[str, int], Operand] = {}
 
-    def visit_BinOp(self, node: ast.BinOp) -> Any:
+    def visit_BinOp(self, node: ast.BinOp) -> Vector:
         name = OPERATIONS.get(type(node.op))
         left, right = self._numbers(node.left, node.right)
         if name is None:
             raise UnsuitedError
         return getattr(self.builder, name)(left, right)
 
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Vector:
         if not isinstance(node.op, ast.USub):
             raise UnsuitedError
         return self.builder.fneg(*self._numbers(node.operand))
 
-    def visit_Call(self, node: ast.Call) -> Any:
+    def visit_Call(self, node: ast.Call) -> Vector:
         function = self.scalars.known(ast.unparse(node.func))
         name = getattr(function, "_name", getattr(function, "__name__", ""))  # intrinsics have the former
         if name == "bits":
@@ -93,9 +97,9 @@ class VectorLoop(ast.NodeVisitor):
         if name not in FUNCTIONS:
             raise UnsuitedError
         values = self._numbers(*node.args)
-        return self.intrinsic(FUNCTIONS[name], values[0].type, values)
+        return self.intrinsic(FUNCTIONS[name], values)
 
-    def visit_Subscript(self, node: ast.Subscript) -> Any:
+    def visit_Subscript(self, node: ast.Subscript) -> Vector:
         constants = self._constants(node.value, "f")
         if constants is not None:
             self.is_permuted = True  # a loop in LLVM would need a lookup
@@ -110,7 +114,7 @@ class VectorLoop(ast.NodeVisitor):
             vector = self.builder.insert_element(vector, number, ir.Constant(INDEX, lane))
         return vector
 
-    def visit_Name(self, node: ast.Name) -> Any:
+    def visit_Name(self, node: ast.Name) -> Vector:
         if node.id in self.vectors:
             return self.vectors[node.id]
         if node.id in self.names or node.id == self.counter:  # a variable assigned later carries a dependence
@@ -122,23 +126,23 @@ class VectorLoop(ast.NodeVisitor):
         one = self.builder.insert_element(nothing, value.llvm, ir.Constant(INDEX, 0))
         return self.builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(INDEX, self.width), None))
 
-    def visit_Constant(self, node: ast.Constant) -> Any:
+    def visit_Constant(self, node: ast.Constant) -> Vector:
         kind = {float: NUMBER, int: WORD}.get(type(node.value))
         if kind is None:  # a truth value or text
             raise UnsuitedError
         return constant_vector(kind, [ir.Constant(kind, node.value)] * self.width)
 
-    def generic_visit(self, node: ast.AST) -> Any:
+    def generic_visit(self, node: ast.AST) -> NoReturn:
         raise UnsuitedError
 
-    def _numbers(self, *nodes: ast.expr) -> list[Any]:
+    def _numbers(self, *nodes: ast.expr) -> list[Vector]:
         """The values of expressions that are doubles."""
         values = [self.visit(node) for node in nodes]
         if any(value.type.element != NUMBER for value in values):
             raise UnsuitedError
         return values
 
-    def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Any, list[int], bool]:
+    def noted(self, node: ast.Subscript, entries: set[tuple[str, int, int]]) -> tuple[Operand, list[int], bool]:
         """Record accesses to an array; return its pointer, the indices, and whether they are scattered or indexed."""
         if not isinstance(node.value, ast.Name):
             raise UnsuitedError
@@ -152,7 +156,7 @@ class VectorLoop(ast.NodeVisitor):
         self.is_permuted |= are_apart
         return array.llvm, places, are_apart
 
-    def vector_at(self, start: Any, place: int) -> Any:
+    def vector_at(self, start: Operand, place: int) -> Operand:
         index = ir.Constant(WORD, place)
         if self.base is not None:
             index = self.builder.add(self.base, ir.Constant(WORD, place - self.first))
@@ -183,10 +187,11 @@ class VectorLoop(ast.NodeVisitor):
         found = self.scalars.names.get(node.id)
         return found if isinstance(found, np.ndarray) and (found.ndim, found.dtype.kind) == (1, kind) else None
 
-    def larger(self, one: Any, other: Any) -> Any:
+    def larger(self, one: Vector, other: Vector) -> Operand:
         return self.builder.select(self.builder.icmp_signed(">", other, one), other, one)
 
-    def intrinsic(self, name: str, kind: Any, values: list[Any], result: Any = None) -> Any:
+    def intrinsic(self, name: str, values: list[Vector], result: ir.Type | None = None) -> Vector:
+        kind = values[0].type
         made = ir.FunctionType(result or kind, [kind] * len(values))
         name = f"{name}.v{kind.count}{kind.element.intrinsic_name}"
         return self.builder.call(cgutils.get_or_insert_function(self.builder.module, made, name), values)
@@ -196,7 +201,7 @@ class VectorLoop(ast.NodeVisitor):
         bounds = _bounds(self.node.iter)
         if bounds is None or bounds[1] - bounds[0] < FEWEST_PERMUTED or self.counter in self.names:
             return False
-        written: list[Any] = self.builder.block.instructions
+        written: list[ir.Instruction] = self.builder.block.instructions
         before = len(written)
         try:
             self._vector(bounds[0], min(WIDTH, bounds[1] - bounds[0]))
@@ -263,10 +268,10 @@ class VectorLoop(ast.NodeVisitor):
             self.scalars.assign(name, Value(WHOLE if last.type == WORD else types.float64, last))
         for (name, _), place in self.maxima.items():
             now, vector = self.scalars.visit(ast.Name(name)).llvm, self.builder.load(place)
-            largest = self.intrinsic("llvm.vector.reduce.smax", vector.type, [vector], WORD)
+            largest = self.intrinsic("llvm.vector.reduce.smax", [vector], WORD)
             self.scalars.assign(name, Value(WHOLE, self.larger(now, largest)))
 
-    def visit_Assign(self, node: Any) -> None:
+    def visit_Assign(self, node: ast.Assign) -> None:
         target, *others = node.targets
         if others:
             raise UnsuitedError
@@ -303,7 +308,7 @@ class VectorLoop(ast.NodeVisitor):
             raise UnsuitedError
         self._store(target, self.visit(ast.BinOp(target, node.op, node.value)))
 
-    def _store(self, target: ast.expr, value: Any) -> None:
+    def _store(self, target: ast.expr, value: Vector) -> None:
         if not isinstance(target, ast.Subscript) or value.type.element != NUMBER:
             raise UnsuitedError
         start, places, are_apart = self.noted(target, self.written)
@@ -325,6 +330,6 @@ def _bounds(node: ast.expr) -> tuple[int, int] | None:
     return None
 
 
-def constant_vector(kind: Any, numbers: list[Any]) -> Any:
+def constant_vector(kind: ir.Type, numbers: list[ir.Constant]) -> ir.Constant:
     """A vector of constants."""
     return ir.Constant(ir.VectorType(kind, len(numbers)), numbers)

@@ -11,21 +11,22 @@ import ctypes
 import math
 import threading
 import warnings
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache, partial
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from typing import TYPE_CHECKING, NoReturn, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import optional_module
-from bseries_base.machine_code import FUNCTION, MachineCode
+from bseries_base.machine_code import FUNCTION, Compiled, MachineCode
 from integrators.compile.c_functions import data
 from integrators.compile.function_keys import function_key
 from integrators.compile.modules import load_module
 from integrators.compile.printer import indented
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.scenes.model.black_boxes import BlackBox, BoxArgument, Entry, box_of
 from integrators.scenes.model.formulas import as_float
@@ -33,13 +34,16 @@ from integrators.scenes.model.system import System
 from integrators.scenes.particles.expansion import filled
 
 if TYPE_CHECKING:
-    from bseries_base.lowering.expressions import Written
+    from numba import types
 
-_DISPATCHERS: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
+    from bseries_base.lowering.expressions import Written
+    from integrators.compile.user_functions import Store
+
+_DISPATCHERS: WeakValueDictionary[Hashable, Compiled] = WeakValueDictionary()
 _FAILURE = threading.local()
 _LISTED = set[str]()  # keys of functions that return lists
 
-VALUES: Any = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
+VALUES = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double))
 """void call(double *a)."""
 
 SOURCE = '''\
@@ -52,7 +56,7 @@ def store(a, values):
 
 
 def black_box(
-    function: Callable[..., Any], name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
+    function: Compiled, name: str, arguments: Sequence[BoxArgument], shape: Sequence[int],
     jacobian: BlackBox | None = None,
 ) -> BlackBox:  # fmt: skip
     """Compile a function of Python, or one that numba has compiled, with its options.
@@ -71,7 +75,7 @@ def black_box(
     return box
 
 
-def dispatcher_of(function: Any) -> Any:
+def dispatcher_of(function: Compiled) -> Compiled:
     """The function as one of numba; the same one for functions with the same text and frozen values."""
     numba = optional_module("numba", "a function without formulas")
     if hasattr(function, "py_func") and hasattr(function, "get_call_template"):  # made by numba's decorators
@@ -115,18 +119,18 @@ def compiled_box(box: BlackBox) -> MachineCode:
     return MachineCode(written_code(partial(write_values, *_parts(box), FUNCTION), FUNCTION))
 
 
-def _parts(box: BlackBox) -> tuple[BlackBox, Callable[..., Any], int]:
+def _parts(box: BlackBox) -> tuple[BlackBox, Store, int]:
     """What code of a black box is written from: it, what stores its values, and the address of `report`."""
     return box, partial(_store, box), ctypes.cast(_report(box), ctypes.c_void_p).value or 0
 
 
 @cached_method
-def _report(box: BlackBox) -> Any:
+def _report(box: BlackBox) -> ctypes._CFunctionType:
     """The C function that is called where the function of Python fails; it lives as long as the box."""
     key = box.key
 
     @VALUES
-    def report(numbers: Any) -> None:
+    def report(numbers: ctypes._Pointer[ctypes.c_double]) -> None:
         box = box_of(key)
         values = np.ctypeslib.as_array(numbers, (box.inputs,)).copy()
         _FAILURE.error = box.name, values, _error(box, values)
@@ -136,14 +140,7 @@ def _report(box: BlackBox) -> Any:
 
 def _error(box: BlackBox, values: np.ndarray) -> Exception:
     """The error that the function raises at some arguments, as one of Python."""
-    given, named, place = [], {}, 0
-    for keyword, length in box.arguments:
-        value = values[place : place + length] if length else float(values[place])
-        if keyword:
-            named[keyword] = value
-        else:
-            given.append(value)
-        place += max(1, length)
+    given, named = box.bound(lambda place, length: values[place : place + length] if length else float(values[place]))
     try:
         with np.errstate(all="ignore"):
             getattr(box.function, "py_func", box.function)(*given, **named)
@@ -152,7 +149,7 @@ def _error(box: BlackBox, values: np.ndarray) -> Exception:
     return ValueError(f"it must return {_size_text(box)}, but returned another number")
 
 
-def _store(box: BlackBox, kind: Any) -> Callable[..., None]:
+def _store(box: BlackBox, kind: types.Type) -> Callable[..., None]:
     """The function of Python that puts a value of numba's type behind the arguments in an array."""
     from numba import types
 
@@ -162,7 +159,7 @@ def _store(box: BlackBox, kind: Any) -> Callable[..., None]:
     return load_module(SOURCE.format(lines="\n".join(indented(lines))), keep=False).store
 
 
-def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
+def _stored(kind: types.Type, text: str, shape: Sequence[int], place: str, box: BlackBox) -> list[str]:
     """Statements that store a value, or a part of it, of numba's type `kind` from a place on."""
     from numba import types
 
@@ -173,7 +170,7 @@ def _stored(kind: Any, text: str, shape: Sequence[int], place: str, box: BlackBo
     size, depth = shape[0], len(box.shape) - len(shape)
     inner = math.prod(shape[1:])
     if isinstance(kind, types.BaseTuple):
-        parts = tuple(cast(Any, kind))
+        parts = tuple(cast("Iterable[types.Type]", kind))
         if len(parts) != size:
             _refuse_value(box, kind)
         return [
@@ -197,7 +194,7 @@ def _size_text(box: BlackBox) -> str:
     return "one number" if box.size == 1 else " times ".join(map(str, box.shape)) + " numbers"
 
 
-def _refuse_value(box: BlackBox, kind: Any) -> NoReturn:
+def _refuse_value(box: BlackBox, kind: types.Type) -> NoReturn:
     """Refuse a value of numba's type `kind`."""
     raise IntegratorError(f"function must return {_size_text(box)}, but {box.name} returned the type {shown(kind)}")
 
@@ -242,9 +239,7 @@ def check_start(scene: System) -> None:
     values = {symbol: as_float(value) for symbol, value in zip(scene.symbols, scene.start or (), strict=True)}
     entries = {x.args[0]: x for summand in scene.summands for x in summand.formula.atoms(Entry)}
     for entry in entries.values():
-        arguments: Any
-        box, _, *arguments = filled(cast(Any, entry), scene).args
-        box = cast(BlackBox, box)
+        box, _, *arguments = cast(Entry, filled(entry, scene)).args
         point = np.array([values[x] if x in values else as_float(x) for x in arguments])
         try:
             found = evaluated(box, point)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from hashlib import sha256
-from types import CodeType, ModuleType
-from typing import Any
+from types import CodeType, FunctionType, ModuleType
 
 
 def function_key(function: Callable[..., object]) -> Hashable:
@@ -22,7 +21,7 @@ def function_key(function: Callable[..., object]) -> Hashable:
     """
     from numba import cloudpickle
 
-    plain: Any = getattr(function, "py_func", function)  # of one that numba has compiled, with these options
+    plain: FunctionType = getattr(function, "py_func", function)  # of one that numba has compiled, with these options
     try:
         codes = list(_codes(plain.__code__.replace(co_filename="", co_firstlineno=1)))
         cells = [cell.cell_contents for cell in plain.__closure__ or ()]

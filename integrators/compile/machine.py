@@ -24,6 +24,7 @@ try:
 except ImportError as error:  # in a browser
     raise missing_package("numba", "steps on a scene", error) from None
 
+from bseries_base.lowering.expressions import Operand
 from bseries_base.lowering.objects import object_code
 from integrators.compile.c_functions import STEPS, CFunction
 
@@ -45,7 +46,7 @@ inlined = njit(forceinline=True, **OPTIONS)
 kept = machine_code.njit(sources=[Path(__file__)], **OPTIONS)
 
 
-def inlined_as(*signature: types.Type) -> Callable[[Callable[..., object]], Callable[..., Any]]:
+def inlined_as(*signature: types.Type) -> machine_code.Decorator:
     """As `inlined`, but compiled once, for one signature (result, *arguments), whatever arguments are literal."""
     result, *arguments = signature
     return machine_code.njit(result(*arguments), sources=[Path(__file__)], forceinline=True, **OPTIONS)
@@ -131,25 +132,13 @@ def value_of(typing_context: object, number: object) -> Intrinsic:
 @intrinsic
 def call_observer(typing_context: object, address: object, t: object, y: object, out: object) -> Intrinsic:
     """Call the C function void (double t, double *y, double *out) at an address."""
-
-    def codegen(
-        context: BaseContext, builder: ir.IRBuilder, signature: object, arguments: Sequence[ir.Value]
-    ) -> ir.Value:
-        _call(builder, ir.VoidType(), *arguments)
-        return context.get_dummy_value()
-
-    return types.void(WHOLE, DOUBLE, DOUBLES, DOUBLES), codegen
+    return types.void(WHOLE, DOUBLE, DOUBLES, DOUBLES), _called
 
 
 @intrinsic
-def call_values(typing_context: Any, address: Any, values: Any) -> Any:
+def call_values(typing_context: object, address: object, values: object) -> Intrinsic:
     """Call the C function void (double *values) at an address."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        _call(builder, ir.VoidType(), *arguments)
-        return context.get_dummy_value()
-
-    return types.void(WHOLE, DOUBLES), codegen
+    return types.void(WHOLE, DOUBLES), _called
 
 
 @intrinsic
@@ -167,7 +156,13 @@ def _emitted(signature: Signature, emit: Callable[..., ir.Value]) -> Intrinsic:
     return signature, lambda context, builder, signature, arguments: emit(builder, *arguments)
 
 
-def _call(builder: ir.IRBuilder, value: ir.Type, address: ir.Value, *arguments: Any) -> ir.Value:
+def _called(context: BaseContext, builder: ir.IRBuilder, signature: object, arguments: Sequence[Operand]) -> ir.Value:
+    """Write the call of a C function without a value."""
+    _call(builder, ir.VoidType(), *arguments)
+    return context.get_dummy_value()
+
+
+def _call(builder: ir.IRBuilder, value: ir.Type, address: Operand, *arguments: Operand) -> ir.Value:
     """Call a C function at an address."""
     function = ir.FunctionType(value, [argument.type for argument in arguments]).as_pointer()
     return builder.call(builder.inttoptr(address, function), arguments)

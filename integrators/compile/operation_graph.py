@@ -24,14 +24,16 @@ from fractions import Fraction
 from functools import cache
 from heapq import heapify, heappop, heappush
 from math import gcd, lcm
-from typing import Any
+from typing import Any, TypeAlias
 
 import sympy
 
-from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.arithmetic import Exact, simplest
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import Exact, in_sympy, simplest
 from integrators.exact.expressions import ELEMENTARY
 
+Content: TypeAlias = tuple[Any, ...]  # of a node, by its kind as above
 Term = tuple[Exact, int]
 Product = tuple[Exact, Counter[int], Counter[int]]
 
@@ -46,8 +48,8 @@ class OperationGraph:
     """Numbered nodes, each of which refers to nodes with smaller numbers only."""
 
     def __init__(self) -> None:
-        self.nodes: list[tuple[Any, ...]] = []
-        self._numbers: dict[tuple[Any, ...], int] = {}
+        self.nodes: list[Content] = []
+        self._numbers: dict[Content, int] = {}
         self.node("product", (), ())
 
     def node(self, *content: object) -> int:
@@ -79,12 +81,12 @@ class OperationGraph:
             scale = Fraction(-1 if is_negative(first) else 1)
         return scale, self.node("sum", tuple((simplest(coefficient / scale), node) for coefficient, node in kept))
 
-    def factors(self, node: int) -> dict[int, Any]:
+    def factors(self, node: int) -> dict[int, Fraction]:
         """The factors of a node with their powers; before `expand_powers` products have no denominators."""
         content = self.nodes[node]
         return dict(content[1]) if content[0] == "product" else {node: Fraction(1)}
 
-    def children(self, node: int) -> list[tuple[int, Any]]:
+    def children(self, node: int) -> list[tuple[int, int]]:
         """The operands of a node, with multiplicities."""
         kind, *content = self.nodes[node]
         if kind == "product":
@@ -141,7 +143,7 @@ class Reader:
         return Fraction(1), graph.node("call", name, terms[0])
 
     def _product(self, terms: Sequence[Term]) -> Term:
-        coefficient: Any = Fraction(1)
+        coefficient: Exact = Fraction(1)
         factors: Counter[int] = Counter()
         for factor, node in terms:
             coefficient *= factor
@@ -157,17 +159,17 @@ class Reader:
             return scale**power.numerator, self.graph.product(factors)
         if is_negative(scale):  # (−x)^(1/2) is not a multiple of x^(1/2)
             scale, node = -scale, self.graph.node("sum", ((Fraction(-1), node),))
-        root = sympy.sympify(scale, strict=True) ** sympy.Rational(power.numerator, power.denominator)
+        root = in_sympy(scale) ** in_sympy(power)
         return simplest(root), self.graph.product({node: power})
 
 
-def exact_number(expression: Any) -> Exact:
+def exact_number(expression: sympy.Expr) -> Exact:
     """The value of an expression without symbols; a float has its exact value."""
     if not getattr(expression, "is_number", False):
         raise IntegratorError(
             f"formula must be made of + * ** and {', '.join(CALLED)}, but has {shorten(str(expression))!r}"
         )
-    value: Any = expression.evalf()
+    value = expression.evalf()
     if not value.is_Float and value != 0:
         raise IntegratorError(f"formula must have finite real numbers only, but has {shorten(str(expression))!r}")
     return simplest(sympy.Rational(expression) if expression.is_Float else expression)
@@ -233,7 +235,7 @@ class _Expansion:
 
     def _powers(self, powers: Iterable[tuple[int, Fraction]]) -> Product:
         """Coefficient, numerator and denominator of a product of rational powers."""
-        scale: Any = Fraction(1)
+        scale: Exact = Fraction(1)
         above: Counter[int] = Counter()
         below: Counter[int] = Counter()
         for node, power in powers:
@@ -249,7 +251,7 @@ class _Expansion:
                 scale /= self._multiply(below, node, -power)
         return simplest(scale), above, below
 
-    def _multiply(self, factors: Counter[int], node: int, power: Fraction) -> Any:
+    def _multiply(self, factors: Counter[int], node: int, power: Fraction) -> Exact:
         """Add a positive power of a node to the factors, x^(11/4) = x · x · √x · √√x; returns the coefficient."""
         term = self.expand((Fraction(1), node))
         whole, rest = divmod(power, 1)

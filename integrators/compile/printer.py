@@ -25,7 +25,7 @@ from integrators.compile.operation_graph import (
     reachable,
 )
 from integrators.core.errors import IntegratorError
-from integrators.exact.arithmetic import Exact, simplest
+from integrators.exact.arithmetic import Exact, in_sympy, simplest
 from integrators.exact.expressions import ATOM, ELEMENTARY, PRODUCT, SUM, Part, literal, within
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def source_lines(
     graph = OperationGraph()
     reader = Reader(graph, names)
     try:
-        terms = [reader.read(sympy.sympify(assignment.value, strict=True)) for assignment in assignments]
+        terms = [reader.read(in_sympy(assignment.value)) for assignment in assignments]
         expanded = [expand_powers(graph, terms, horner=horner) for horner in (False, True)]
         printed = [_Printer(*pair).print(assignments) for pair in expanded]
     except RecursionError:

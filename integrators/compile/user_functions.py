@@ -9,7 +9,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from llvmlite import ir
 from numba import types
@@ -19,12 +19,17 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import signature
 from numba.np.arrayobj import populate_array
 
-from bseries_base.lowering.expressions import Value
+from bseries_base.errors import shorten
+from bseries_base.lowering.expressions import Builder, Operand, Value
 from bseries_base.lowering.objects import written_code
 from bseries_base.lowering.units import Unit
 from bseries_base.machine_code import FUNCTION, MachineCode
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.model.black_boxes import BlackBox
+
+if TYPE_CHECKING:
+    from numba.core.callconv import Status
+    from numba.core.compiler import CompileResult
 
 STATE, VALUES = types.Array(types.float64, 1, "C", readonly=True), types.Array(types.float64, 1, "C")
 PLAIN = {"nopython": True, "error_model": "numpy"}
@@ -47,34 +52,78 @@ def observer_code(
     return MachineCode(written_code(partial(_write, functions, dimension, formulas), "observe"))
 
 
+class _Calls:
+    """Writes calls of functions of the user into a new function ``void name(...)`` of a module."""
+
+    def __init__(self, unit: Unit, kind: ir.FunctionType, name: str):
+        self.context, self.made = unit.context, ir.Function(unit.module, kind, name)
+        self.builder: Builder = ir.IRBuilder(self.made.append_basic_block())
+
+    def number(self, value: int) -> Operand:
+        """A constant integer."""
+        return self.context.get_constant(types.intp, value)
+
+    def array(self, kind: types.Array, start: Operand, length: int) -> Operand:
+        """An array of doubles in memory."""
+        made = self.context.make_array(kind)(self.context, self.builder)
+        shape, strides = [self.number(length)], [self.number(8)]
+        populate_array(made, data=start, shape=shape, strides=strides, itemsize=strides[0], meminfo=None)
+        return made._getvalue()
+
+    def compiled(self, function: object, kinds: Sequence[types.Type], what: str) -> CompileResult:
+        """Compile and link a function for these types of arguments; a sentence begins with `what` if it cannot be."""
+        flags = Flags()
+        options = {**getattr(function, "targetoptions", PLAIN), "parallel": False}
+        cpu_target.options.parse_as_flags(flags, options)
+        plain = getattr(function, "py_func", function)
+        try:
+            return self.context.compile_subroutine(
+                self.builder, plain, signature(None, *kinds), flags=flags, caching=False
+            )
+        except Exception as error:  # numba passes on those of others
+            raise IntegratorError(f"{what}: {_reason(error)}") from None
+
+    def call(self, compiled: CompileResult, values: Sequence[Operand]) -> tuple[Status, Operand]:
+        """Call a compiled function; gives its status and its value."""
+        return self.context.call_internal_no_propagate(self.builder, compiled.fndesc, compiled.signature, values)
+
+    def go_on_if(self, condition: Operand, other: ir.Block) -> None:
+        """Go on in a new block under a condition, and else in another one."""
+        following = self.made.append_basic_block()
+        self.builder.cbranch(condition, following, other)
+        self.builder.position_at_end(following)
+
+
 def _write(functions: Mapping[int, tuple[str, object]], dimension: int, formulas: int, unit: Unit) -> None:
     """Write the observer."""
-    context: Any = unit.context
     double = ir.DoubleType()
     kind = ir.FunctionType(ir.VoidType(), [double, double.as_pointer(), double.as_pointer()])
-    made = ir.Function(unit.module, kind, FUNCTION)
-    builder: Any = ir.IRBuilder(made.append_basic_block())
-    t, y, out = made.args
-    state = _array(context, builder, STATE, y, dimension)
+    calls = _Calls(unit, kind, FUNCTION)
+    builder = calls.builder
+    t, y, out = calls.made.args
+    state = calls.array(STATE, y, dimension)
     for k, (name, function) in functions.items():
         what = f"observe must have functions of (t, y) that numba can compile, but {shorten(name)} was not"
-        compiled = _compiled(context, builder, function, [types.float64, STATE], what)
-        value = compiled.signature.return_type
-        if not isinstance(value, types.Float | types.Integer | types.Boolean):
+        compiled = calls.compiled(function, [types.float64, STATE], what)
+        given = compiled.signature.return_type
+        if not isinstance(given, types.Float | types.Integer | types.Boolean):
             raise IntegratorError(
-                f"observe must have functions whose value is a number, but that of {shorten(name)} is {value}"
+                f"observe must have functions whose value is a number, but that of {shorten(name)} is {given}"
             )
-        status, value = _called(context, builder, compiled, [t, state])
+        status, value = calls.call(compiled, [t, state])
         with cgutils.if_likely(builder, status.is_ok):
-            number = context.cast(builder, value, compiled.signature.return_type, types.float64)
-            builder.store(number, builder.gep(out, [context.get_constant(types.intp, k)]))
+            number = unit.context.cast(builder, value, given, types.float64)
+            builder.store(number, builder.gep(out, [calls.number(k)]))
     if formulas:
-        address = context.get_constant(types.intp, formulas)
-        builder.call(builder.inttoptr(address, kind.as_pointer()), made.args)
+        builder.call(builder.inttoptr(calls.number(formulas), kind.as_pointer()), calls.made.args)
     builder.ret_void()
 
 
-def write_call(box: BlackBox, store: Callable[[Any], Any], report: int, unit: Unit, builder: Any, a: Value) -> Value:
+Store: TypeAlias = Callable[[types.Type], Callable[..., None]]
+"""Gives a function of Python that stores values of a type of numba behind the arguments of a black box."""
+
+
+def write_call(box: BlackBox, store: Store, report: int, unit: Unit, builder: Builder, a: Value) -> Value:
     """Write a call of a black box, whose code becomes a part of the module."""
     name = f"box_{box.key}"
     made = unit.module.globals.get(name)
@@ -85,99 +134,63 @@ def write_call(box: BlackBox, store: Callable[[Any], Any], report: int, unit: Un
     return Value(types.none, unit.context.get_dummy_value())
 
 
-def write_values(box: BlackBox, store: Callable[[Any], Any], report: int, name: str, unit: Unit) -> Any:
+def write_values(box: BlackBox, store: Store, report: int, name: str, unit: Unit) -> ir.Function:
     """Write ``void name(double *a)``, which puts the values of a black box after its arguments.
 
     Args:
         box: The black box.
-        store: Gives a function of Python that stores values of a type of numba.
+        store: Gives the function that stores its value.
         report: The address of a C function of the same array, which is called after an error.
         name: The name of the function.
         unit: The module.
     """
-    context: Any = unit.context
+    context = unit.context
     kind = ir.FunctionType(ir.VoidType(), [ir.DoubleType().as_pointer()])
-    made = ir.Function(unit.module, kind, name)
-    builder: Any = ir.IRBuilder(made.append_basic_block())
-    (a,) = made.args
-    failed, done = made.append_basic_block(), made.append_basic_block()
-    kinds, values = _arguments(context, builder, box, a)
+    calls = _Calls(unit, kind, name)
+    builder = calls.builder
+    (a,) = calls.made.args
+    failed, done = calls.made.append_basic_block(), calls.made.append_basic_block()
+    arguments = _arguments(calls, box, a)
     what = f"function must be one that numba can compile, but {box.name} was not"
-    compiled = _compiled(context, builder, box.function, kinds, what)
+    compiled = calls.compiled(box.function, [x.type for x in arguments], what)
     value_type = compiled.signature.return_type
-    put = _compiled(context, builder, store(value_type), [VALUES, value_type], what)
-    status, value = _called(context, builder, compiled, values)
-    _continue_if(builder, status.is_ok, failed)
-    status, _ = _called(context, builder, put, [_array(context, builder, VALUES, a, box.total), value])
+    put = calls.compiled(store(value_type), [VALUES, value_type], what)
+    status, value = calls.call(compiled, [x.llvm for x in arguments])
+    calls.go_on_if(status.is_ok, failed)
+    status, _ = calls.call(put, [calls.array(VALUES, a, box.total), value])
     context.nrt.decref(builder, value_type, value)
     builder.cbranch(status.is_ok, done, failed)
     builder.position_at_end(failed)
-    with cgutils.for_range(builder, context.get_constant(types.intp, box.size)) as loop:
-        place = builder.add(loop.index, context.get_constant(types.intp, box.inputs))
+    with cgutils.for_range(builder, calls.number(box.size)) as loop:
+        place = builder.add(loop.index, calls.number(box.inputs))
         builder.store(ir.Constant(ir.DoubleType(), float("nan")), builder.gep(a, [place]))
     address = context.add_dynamic_addr(builder, report, box.name)  # so that this code is not kept on disk
     builder.call(builder.bitcast(address, kind.as_pointer()), [a])
     builder.branch(done)
     builder.position_at_end(done)
     builder.ret_void()
-    return made
+    return calls.made
 
 
-def _continue_if(builder: Any, condition: Any, other: Any) -> None:
-    """Go on in a new block under a condition, and else in another one."""
-    following = builder.append_basic_block()
-    builder.cbranch(condition, following, other)
-    builder.position_at_end(following)
+def _arguments(calls: _Calls, box: BlackBox, a: Operand) -> list[Value]:
+    """All arguments of the function, in its order; others have their defaults."""
 
-
-def _arguments(context: Any, builder: Any, box: BlackBox, a: Any) -> tuple[list[Any], list[Any]]:
-    """The types and the values of all arguments of the function, in its order; others have their defaults."""
-    given, named, place = list[Any](), dict[str, Any](), 0
-    for keyword, length in box.arguments:
-        start = builder.gep(a, [context.get_constant(types.intp, place)])
-        pair = (
-            (VALUES, _array(context, builder, VALUES, start, length))
+    def read(place: int, length: int) -> Value:
+        start = calls.builder.gep(a, [calls.number(place)])
+        return (
+            Value(VALUES, calls.array(VALUES, start, length))
             if length
-            else (types.float64, builder.load(start))
+            else Value(types.float64, calls.builder.load(start))
         )
-        if keyword:
-            named[keyword] = pair
-        else:
-            given.append(pair)
-        place += max(1, length)
-    pairs = []
-    for k, parameter in enumerate(
-        inspect.signature(getattr(box.function, "py_func", box.function)).parameters.values()
-    ):
+
+    given, named = box.bound(read)
+    found = []
+    parameters = inspect.signature(getattr(box.function, "py_func", box.function)).parameters
+    for k, parameter in enumerate(parameters.values()):
         omitted = types.Omitted(parameter.default)
-        unset = omitted, context.get_constant_undef(omitted)
-        pairs.append(given[k] if k < len(given) else named.get(parameter.name, unset))
-    return [kind for kind, _ in pairs], [value for _, value in pairs]
-
-
-def _array(context: Any, builder: Any, kind: Any, start: Any, length: int) -> Any:
-    """An array of doubles in memory."""
-    made = context.make_array(kind)(context, builder)
-    count, size = (context.get_constant(types.intp, value) for value in (length, 8))
-    populate_array(made, data=start, shape=[count], strides=[size], itemsize=size, meminfo=None)
-    return made._getvalue()
-
-
-def _called(context: Any, builder: Any, compiled: Any, values: Sequence[Any]) -> tuple[Any, Any]:
-    """Call a compiled function; gives its status and its value."""
-    return context.call_internal_no_propagate(builder, compiled.fndesc, compiled.signature, values)
-
-
-def _compiled(context: Any, builder: Any, function: Any, kinds: Sequence[Any], what: str) -> Any:
-    """Compile a function for these types of arguments, and link it; a sentence begins with `what` if it cannot be."""
-    flags = Flags()
-    options = {**getattr(function, "targetoptions", PLAIN), "parallel": False}
-    cpu_target.options.parse_as_flags(flags, options)
-    plain = getattr(function, "py_func", function)
-    try:
-        return context.compile_subroutine(builder, plain, signature(None, *kinds), flags=flags, caching=False)
-    except Exception as error:  # numba passes on those of others
-        raise IntegratorError(f"{what}: {_reason(error)}") from None
+        unset = Value(omitted, calls.context.get_constant_undef(omitted))
+        found.append(given[k] if k < len(given) else named.get(parameter.name, unset))
+    return found
 
 
 def _reason(error: Exception) -> str:

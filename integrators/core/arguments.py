@@ -10,8 +10,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
 from unicodedata import normalize
 
+from bseries_base.errors import shown
 from bseries_base.extras import loaded_module
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 
 if TYPE_CHECKING:
     from inspect import Parameter
@@ -25,10 +26,10 @@ _NOT_SHOWN = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 """Control characters, which a terminal obeys, ends of lines, and surrogates, which no encoding has."""
 
 
-def read_whole(value: Any, argument: str, what: str, least: int, most: int) -> int:
+def read_whole(value: object, argument: str, what: str, least: int, most: int) -> int:
     """A whole number within limits, which messages describe as `what`."""
     try:
-        number = least - 1 if isinstance(value, bool) else operator.index(value)
+        number = least - 1 if isinstance(value, bool) else operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         number = least - 1
     if not least <= number <= most:
@@ -122,7 +123,7 @@ def identifier(name: str) -> str:
     return name if name.isascii() else normalize("NFKC", name)
 
 
-def check_partition_names(names: Iterable[Any]) -> None:
+def check_partition_names(names: Iterable[str]) -> None:
     """Refuse names of parts that are equal, or would be ambiguous in formulas or trees."""
     given = list(names)
     for name in given:

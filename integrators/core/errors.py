@@ -1,10 +1,6 @@
-"""The error that every misuse of this package raises, and the parts of its messages."""
+"""The error that every misuse of this package raises."""
 
-from bseries_base.errors import BSeriesError as BSeriesError
-from bseries_base.errors import not_one_of as not_one_of
-from bseries_base.errors import shorten as shorten
-from bseries_base.errors import shown as shown
-from bseries_base.errors import suggestion as suggestion
+from bseries_base.errors import BSeriesError as BSeriesError  # a stub of lazy_loader names modules of its package only
 
 
 class IntegratorError(BSeriesError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 
 class ImmutableValue:
@@ -29,7 +29,7 @@ class ImmutableValue:
             known = self.__dict__["_hash"] = hash((type(self).__name__, self._data))
         return known
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """All attributes but the hash: hashes of text differ between processes."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
@@ -40,7 +40,7 @@ class ImmutableValue:
         raise AttributeError(f"{type(self).__name__} is immutable: {name} cannot be deleted")
 
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def cached_method(function: Function) -> Function:
@@ -48,7 +48,7 @@ def cached_method(function: Function) -> Function:
     name = f"_cached_{function.__name__}"
 
     @wraps(function)
-    def known(owner: object, *arguments: object) -> Any:
+    def known(owner: object, *arguments: object) -> object:
         values = owner.__dict__.setdefault(name, {})
         if arguments not in values:  # of several threads, all take the result of the first
             return values.setdefault(arguments, function(owner, *arguments))

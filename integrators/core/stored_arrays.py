@@ -14,10 +14,11 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
 
+from bseries_base.errors import shorten
 from bseries_base.memory import refuse_beyond_memory
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import replacing
 
 if TYPE_CHECKING:
@@ -58,9 +59,9 @@ TEXT = Form("U")
 class Header(NamedTuple):
     """The header of a stored array: type, shape, order (C or F), and where its numbers start, in bytes."""
 
-    dtype: np.dtype[Any]
+    dtype: np.dtype
     shape: tuple[int, ...]
-    order: Any
+    order: Literal["F", "C"]
     start: int
 
     @property
@@ -205,7 +206,7 @@ class StoredArrays:
         return member.header_offset + LOCAL_HEADER + sum(lengths)
 
 
-def _text(array: np.ndarray, name: str) -> Any:
+def _text(array: np.ndarray, name: str) -> object:
     """An array of text as text or lists of text."""
     try:
         array.tobytes().decode("utf-32-be" if array.dtype.str.startswith(">") else "utf-32-le")

@@ -10,8 +10,9 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from decimal import Decimal, InvalidOperation
 from typing import IO, Any, NoReturn
 
+from bseries_base.errors import shorten, shown, suggestion
 from bseries_base.interrupts import uninterrupted
-from integrators.core.errors import IntegratorError, shorten, shown, suggestion
+from integrators.core.errors import IntegratorError
 
 MAX_BYTES = 10_000_000
 FORMATS = ("json", "toml")
@@ -31,7 +32,7 @@ TOKEN = (
 """Multi-line strings, comments, and anything that may be a key; what names something ends at = or ]."""
 
 
-def read_text(source: str | os.PathLike[str] | IO[Any], most: int = MAX_BYTES) -> tuple[str, str]:
+def read_text(source: str | os.PathLike[str] | IO[str] | IO[bytes], most: int = MAX_BYTES) -> tuple[str, str]:
     """The text of a path or open file of at most `most` bytes, and its name for messages."""
     is_path = isinstance(source, str | os.PathLike)
     label = os.fspath(source) if is_path else str(getattr(source, "name", "input"))
@@ -67,7 +68,7 @@ def errors_from(source: str) -> Iterator[None]:
         raise IntegratorError(f"{shorten(source, 200)}: {error}") from None
 
 
-def read_lines(file: IO[Any], label: str) -> Iterator[str]:
+def read_lines(file: IO[str] | IO[bytes], label: str) -> Iterator[str]:
     """The lines of an open file of text or bytes, of any total length."""
     while line := file.readline(MAX_BYTES + 1):
         if len(line) > MAX_BYTES:
@@ -203,8 +204,8 @@ def _refuse(name: str) -> NoReturn:
     raise IntegratorError(f"numbers must be finite, but one was {name}")
 
 
-def _unique(pairs: list[tuple[str, object]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    found: dict[str, object] = {}
     for key, value in pairs:
         if key in found:
             raise IntegratorError(f"keys must be unique, but {shorten(key)!r} was repeated")

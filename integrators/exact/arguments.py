@@ -6,19 +6,20 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
+from bseries_base.errors import shown
 from integrators.core.arguments import MOST_STEPS, is_listed, read_array, read_steps
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import parse_constant
 
 if TYPE_CHECKING:
     import numpy as np
 
 
-def read_number(value: Any, argument: str) -> float:
+def read_number(value: object, argument: str) -> float:
     """A finite number as a double."""
     given = parse_constant(value, argument=argument) if isinstance(value, str) else value
     try:
-        number = math.nan if isinstance(given, bool) else float(given)
+        number = math.nan if isinstance(given, bool) else float(given)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):

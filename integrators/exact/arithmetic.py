@@ -35,6 +35,8 @@ MAX_NESTING = 6
 """Largest nesting depth of powers and functions, since SymPy takes exponential time to determine signs."""
 MOST_DEGREE = 16
 """Largest degree of a field of algebraic numbers; SymPy takes half a minute to build one of degree 32."""
+FLOATS = f"the tableau holds floats, or roots within roots of a degree above {MOST_DEGREE}"
+"""Why results may be floats."""
 LARGEST_ORDER = 10_000
 """Largest order n of roots of unity whose φ(n) is computed: n with many digits are hard to factor, and for larger n
 φ(n) exceeds 2 · `MOST_DEGREE` anyway."""
@@ -45,7 +47,19 @@ def simplest(value: Any) -> Any:
     return Fraction(int(value.p), int(value.q)) if getattr(value, "is_Rational", False) else value
 
 
-def bounded(value: Any) -> Any:
+def in_sympy(value: object) -> sympy.Expr:
+    """A number or a formula as an expression of SymPy; text is refused."""
+    import sympy
+
+    return cast("sympy.Expr", sympy.sympify(value, strict=True))
+
+
+def renamed(formula: sympy.Expr, names: Mapping[Any, sympy.Basic]) -> sympy.Expr:
+    """A formula with others in place of symbols."""
+    return cast("sympy.Expr", formula.xreplace(names))
+
+
+def bounded(value: Exact) -> Exact:
     """The value, checked to be finite, real and of limited size; SymPy rationals become `Fraction`s."""
     if isinstance(value, Fraction):
         if _bits(value) > MAX_BITS:
@@ -59,7 +73,7 @@ def bounded(value: Any) -> Any:
         raise ArithmeticError("is not finite")
     if _bits(value) > MAX_BITS:
         raise ArithmeticError(f"has a number of more than {MAX_DIGITS} digits")
-    exponents = [power.exp for power in value.atoms(sympy.Pow) if power.exp.is_Rational]
+    exponents = [power.exp for power in value.atoms(sympy.Pow) if isinstance(power.exp, sympy.Rational)]
     if any(abs(exponent) > MAX_EXPONENT or exponent.q > MAX_ROOT for exponent in exponents):
         raise ArithmeticError(f"has an exponent beyond {MAX_EXPONENT} or a root beyond the {MAX_ROOT}th")
     if _nesting(value) > MAX_NESTING:
@@ -139,13 +153,11 @@ def _fractional_power(base: Exact, exponent: Fraction) -> Exact:
         numerator, denominator = (_integer_root(part, exponent.denominator) for part in base.as_integer_ratio())
         if numerator is not None and denominator is not None:
             return power(Fraction(numerator, denominator), Fraction(exponent.numerator))
-    import sympy
-
     if exponent * (_bits(base) - 1) > MAX_BITS:
         raise ArithmeticError(f"has a power of more than {MAX_DIGITS} digits")
     if _bits(base) > MAX_RADICAND_BITS:
         raise ArithmeticError(f"has a root of a number of more than {MAX_RADICAND_BITS} bits")
-    return bounded(sympy.sympify(base, strict=True) ** sympy.Rational(exponent.numerator, exponent.denominator))
+    return bounded(in_sympy(base) ** in_sympy(exponent))
 
 
 def root(value: Exact, degree: Exact) -> Exact:
@@ -180,18 +192,16 @@ def _integer_root(value: int, degree: int) -> int | None:
 
 def transcendental_power(base: Exact, exponent: sympy.Expr) -> Exact:
     """The power base^exponent of a positive base, where the exponent is a formula."""
-    import sympy
-
     if _sign(base) <= 0:
         raise ArithmeticError("has a formula as exponent of a number that is not positive")
-    return bounded(sympy.sympify(base, strict=True) ** _limited_argument(exponent))
+    return bounded(in_sympy(base) ** _limited_argument(exponent))
 
 
 def apply(name: str, argument: Exact) -> Exact:
     """The elementary function with this name, applied to an argument."""
     import sympy
 
-    x = _limited_argument(sympy.sympify(argument, strict=True))
+    x = _limited_argument(in_sympy(argument))
     if name in HYPERBOLIC and any(map(_expands_widely, x.atoms(sympy.Pow))):
         raise ArithmeticError(f"has a power that is too large within {name}")
     inverses = sympy.asin, sympy.acos, sympy.atan, sympy.asinh, sympy.acosh, sympy.atanh
@@ -200,7 +210,7 @@ def apply(name: str, argument: Exact) -> Exact:
     return bounded(getattr(sympy, name)(x))
 
 
-def _expands_widely(power: Any) -> bool:
+def _expands_widely(power: sympy.Pow) -> bool:
     """Whether a power is too large for SymPy, which expands imaginary parts to find out whether cosh(x) is real."""
     if not power.exp.is_Rational or not power.free_symbols:
         return False
@@ -208,7 +218,7 @@ def _expands_widely(power: Any) -> bool:
     return comb(degree + others, others) * degree > MOST_PARTS
 
 
-def _limited_argument(argument: Any) -> Any:
+def _limited_argument(argument: sympy.Expr) -> sympy.Expr:
     """The argument of a function; a number is refused if its exponential would be too large."""
     if argument.is_number and not abs(argument.evalf(5)) < MAX_ARGUMENT:
         raise ArithmeticError(f"has a function of a number beyond {MAX_ARGUMENT}")
@@ -273,12 +283,12 @@ def degree_bound(values: Iterable[sympy.Expr]) -> int:
     import sympy
 
     formulas = list(values)
-    powers: set[Any] = set().union(*(formula.atoms(sympy.Pow) for formula in formulas))
+    powers: set[sympy.Pow] = set().union(*(formula.atoms(sympy.Pow) for formula in formulas))
     roots: dict[sympy.Expr, int] = {}  # x^(1/2) and x^(-1/3) are powers of one root
     for power in powers:
-        if power.is_number and power.exp.is_Rational:
+        if power.is_number and isinstance(power.exp, sympy.Rational):
             roots[power.base] = lcm(roots.get(power.base, 1), int(power.exp.q))
-    others: set[Any] = set().union(*(formula.atoms(sympy.CRootOf) for formula in formulas))
+    others: set[sympy.CRootOf] = set().union(*(formula.atoms(sympy.CRootOf) for formula in formulas))
     return prod((*roots.values(), *(x.poly.degree() for x in others))) * _cosine_degree(_cosines(formulas))
 
 

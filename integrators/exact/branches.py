@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import sympy
 from sympy.printing.printer import Printer
 
+from integrators.exact.arithmetic import in_sympy
+
 RELATIONS = (">", "<", ">=", "<=")
 SYMPY_NAMES = {sympy.Abs: "abs", sympy.sign: "sign", sympy.Max: "max", sympy.Min: "min"}
 """Names in formulas of SymPy's functions."""
@@ -130,15 +132,14 @@ class Where(Branching):
     _mpmathcode = _pythoncode
 
 
-def compare(left: Any, relation: str, right: Any, a: object, b: object) -> sympy.Expr:
+def compare(left: sympy.Expr, relation: str, right: sympy.Expr | int, a: object, b: object) -> sympy.Expr:
     """a where the relation ``>``, ``<``, ``>=`` or ``<=`` holds, otherwise b."""
-    x: Any = sympy.sympify(left - right, strict=True)
-    a, b = (sympy.sympify(value, strict=True) for value in (a, b))
+    x, first, second = map(in_sympy, (left - right, a, b))
     positive = x if relation in (">", "<=") else -x
-    return Where(positive, a, b) if relation in (">", "<") else Where(positive, b, a)
+    return Where(positive, first, second) if relation in (">", "<") else Where(positive, second, first)
 
 
-def extreme(name: str, values: Sequence[Any]) -> sympy.Expr:
+def extreme(name: str, values: Sequence[sympy.Expr]) -> sympy.Expr:
     """The least (``min``) or largest (``max``) of n values, with n² parts: a comparison repeats what it compares."""
     if len(values) == 1:
         return values[0]
@@ -180,7 +181,7 @@ def _chosen(pairs: Sequence[Any]) -> sympy.Expr:
 
 def branch(name: str, relation: str, values: Sequence[object]) -> sympy.Expr:
     """The function with a name in formulas, applied to values; `relation` is between the first two of ``where``."""
-    first, *others = (sympy.sympify(value, strict=True) for value in values)
+    first, *others = map(in_sympy, values)
     match name:
         case "abs":
             return Absolute(first)

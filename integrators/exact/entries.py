@@ -7,10 +7,11 @@ from decimal import Decimal
 from fractions import Fraction
 from math import floor, fsum, inf, isfinite, log10
 from numbers import Rational, Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, SupportsFloat, TypeAlias, TypeGuard
 
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import loaded_module
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import parse_number
 
@@ -26,7 +27,7 @@ SHORT_FLOATS = {"float32": 7, "float16": 3, "bfloat16": 2}
 NO_SYMBOLS_AMONG_FLOATS = "coefficients must not mix floats and symbols: write the floats as fractions or as text"
 
 
-def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
+def read_entry(value: object, argument: str, names: Iterable[str] = ()) -> Entry:
     """Read one entry of a tableau, exactly."""
     if isinstance(value, str | Decimal):
         return parse_number(str(value), names=names, argument=argument)
@@ -47,13 +48,13 @@ def read_entry(value: Any, argument: str, names: Iterable[str] = ()) -> Entry:
     raise IntegratorError(f"{argument} must be a real number or a formula, but was {shown(value)}")
 
 
-def is_sympy(value: object) -> bool:
+def is_sympy(value: object) -> TypeGuard[sympy.Expr]:
     """Whether a value is a SymPy object; does not import SymPy."""
     sympy = loaded_module("sympy")
     return sympy is not None and isinstance(value, sympy.Basic)
 
 
-def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
+def _from_sympy(value: sympy.Expr, argument: str) -> Entry:
     """Read a SymPy expression through its text, so that one grammar applies and one form is stored."""
     import sympy
 
@@ -73,7 +74,7 @@ def _from_sympy(value: sympy.Basic, argument: str) -> Entry:
     return parse_number(str(value), names=names, argument=argument)
 
 
-def round_entry(value: Any) -> float:
+def round_entry(value: SupportsFloat) -> float:
     """The nearest double to a number."""
     try:
         number = float(value.evalf(30)) if is_sympy(value) else float(value)
@@ -88,7 +89,7 @@ def round_entry(value: Any) -> float:
 
 def sum_entries(values: Iterable[Entry]) -> Entry:
     """The sum of entries of one method: exact, or correctly rounded for floats."""
-    terms: list[Any] = list(values)
+    terms = list(values)
     if any(isinstance(value, float) for value in terms):
         _refuse_symbols_among_floats(terms)
         try:
@@ -101,10 +102,10 @@ def sum_entries(values: Iterable[Entry]) -> Entry:
         return sum(terms, Fraction(0))
     import sympy
 
-    return exact.simplest(sympy.expand(sympy.Add(*terms)))
+    return exact.simplest(sympy.expand(sympy.Add(*map(exact.in_sympy, terms))))
 
 
-def multiply_entries(x: Any, y: Any) -> Any:
+def multiply_entries(x: Entry, y: Entry) -> Entry:
     """The product of two entries, in a normal form."""
     if not (is_sympy(x) or is_sympy(y)):
         return x * y
@@ -116,18 +117,17 @@ def multiply_entries(x: Any, y: Any) -> Any:
     if x == 0 or y == 0:
         return Fraction(0)
     number, other = (x, y) if isinstance(x, Fraction) else (y, x)
-    if number == 1 and other.has(sympy.CRootOf):  # already in normal form; expanding roots is slow
+    if number == 1 and exact.in_sympy(other).has(sympy.CRootOf):  # already in normal form; expanding roots is slow
         return other
-    first, second = (sympy.Rational(v.numerator, v.denominator) if isinstance(v, Fraction) else v for v in (x, y))
-    return exact.simplest(sympy.expand(first * second))
+    return exact.simplest(sympy.expand(exact.in_sympy(x) * exact.in_sympy(y)))
 
 
-def _refuse_symbols_among_floats(values: Iterable[Any]) -> None:
+def _refuse_symbols_among_floats(values: Iterable[Entry]) -> None:
     if symbol_names(values):
         raise IntegratorError(NO_SYMBOLS_AMONG_FLOATS)
 
 
-def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
+def cancels(terms: Sequence[Entry], precision: Fraction | float) -> bool | None:
     """Whether terms sum to zero: exactly, or within the error of inexact entries."""
     if precision:
         return abs(sum(terms)) <= precision * sum(map(abs, terms))
@@ -135,13 +135,13 @@ def cancels(terms: Sequence[Any], precision: Fraction | float) -> bool | None:
         return sum(terms) == 0
     import sympy
 
-    total = sympy.expand(sympy.Add(*terms))
+    total = sympy.expand(sympy.Add(*map(exact.in_sympy, terms)))
     if isinstance(total, sympy.Rational):
         return total == 0
     return False if _differs_from_zero(total) else total.equals(0)
 
 
-def _differs_from_zero(formula: Any) -> bool:
+def _differs_from_zero(formula: sympy.Expr) -> bool:
     """Whether a formula is not zero at a sample point, a quick test before SymPy's slow proof."""
     import sympy
 
@@ -161,7 +161,7 @@ def relative_error(domain: str, digits: int | None) -> Fraction | float:
     return max(published, FLOAT_PRECISION) if domain == "float" else published
 
 
-def digits_of(*values: Any) -> int | None:
+def digits_of(*values: object) -> int | None:
     """The fewest digits of floats with less than double precision in arrays and lists; None if there are none."""
     found = []
     for value in values:
@@ -172,7 +172,7 @@ def digits_of(*values: Any) -> int | None:
     return min(filter(None, found), default=None)
 
 
-def nearest_decimal(x: object) -> Fraction:
+def nearest_decimal(x: SupportsFloat) -> Fraction:
     """The shortest decimal that rounds to the same double."""
     return Fraction(repr(round_entry(x)))
 

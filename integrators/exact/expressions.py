@@ -18,8 +18,9 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import check_distinct, identifier
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.arithmetic import Exact
 
@@ -90,9 +91,7 @@ def parse_expression(
         abs(q) + where(q - 1 > 0, q, 1)
     """
     value = _Parser(text, check_names(names, f"symbols of {argument}"), tuple(functions), argument).parse()
-    import sympy
-
-    return sympy.Rational(value.numerator, value.denominator) if isinstance(value, Fraction) else value
+    return exact.in_sympy(value)
 
 
 def format_number(value: object) -> str:
@@ -289,7 +288,7 @@ class _Parser:
 
         return self.compute(position, lambda: exact.bounded(branch(name, relation, values)))
 
-    def number(self, token: str, position: int) -> Fraction:
+    def number(self, token: str, position: int) -> Exact:
         exponent = token.lower().partition("e")[2].lstrip("+-0")
         if len(token) > exact.MAX_DIGITS + 1 or len(exponent) > 4 or int(exponent or 0) > exact.MAX_DIGITS:
             self.refuse(f"has a number of more than {exact.MAX_DIGITS} digits", position)

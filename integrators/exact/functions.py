@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsAbs, TypeAlias
 
-from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.arithmetic import LARGEST_NUMBER
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import LARGEST_NUMBER, in_sympy
 
 if TYPE_CHECKING:
     import sympy
 
 
-def as_function(symbols: Iterable[sympy.Symbol], formulas: Any, numbers: str) -> Callable[..., Any]:
+Function: TypeAlias = Callable[..., Any]  # of numbers, or of arrays
+
+
+def as_function(symbols: Iterable[sympy.Symbol], formulas: Any, numbers: str) -> Function:
     """A function of numbers, or of arrays, that computes a formula, or a list or rows of them.
 
     The code is generated in names of its own, so that it does not depend on those of users: a variable ``e`` would hide
@@ -40,13 +44,13 @@ def as_function(symbols: Iterable[sympy.Symbol], formulas: Any, numbers: str) ->
     arguments = [sympy.Symbol(f"argument_{k}") for k in range(len(known))]
     own = dict(zip(known, arguments, strict=True))
 
-    def power(part: Any) -> Any:
+    def power(part: sympy.Basic) -> sympy.Expr:
         return sympy.Function("power")(*part.args)
 
     def renamed(formula: object) -> Any:
         if isinstance(formula, list | tuple):
             return list(map(renamed, formula))
-        formula = sympy.sympify(formula, strict=True)
+        formula = in_sympy(formula)
         for other in sorted(map(str, formula.free_symbols - own.keys())):
             names = shorten(", ".join(map(str, known)))
             raise IntegratorError(f"formula must use the names {names}, but has {shorten(other)!r}")
@@ -60,12 +64,12 @@ def as_function(symbols: Iterable[sympy.Symbol], formulas: Any, numbers: str) ->
 
 
 @cache
-def _bounded() -> dict[str, Callable[..., Any]]:
+def _bounded() -> dict[str, Function]:
     """The functions of mpmath that take long for large numbers, refusing these."""
     import mpmath
 
-    def bounded(function: Callable[..., Any]) -> Callable[..., Any]:
-        def found(*numbers: Any) -> Any:
+    def bounded(function: Function) -> Function:
+        def found(*numbers: SupportsAbs[float]) -> object:
             if any(abs(number) > LARGEST_NUMBER for number in numbers):
                 raise IntegratorError("numbers in a formula must be at most 10^1000 in size, but one was larger")
             return function(*numbers)

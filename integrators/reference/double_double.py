@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -27,8 +26,8 @@ from integrators.compile.machine import fma
 
 DoubleDouble = tuple[float, float]
 
-strict: Any = njit(nogil=True, error_model="numpy", fastmath=False)
-inlined: Any = njit(nogil=True, error_model="numpy", fastmath=False, forceinline=True)
+strict = njit(nogil=True, error_model="numpy", fastmath=False)
+inlined = njit(nogil=True, error_model="numpy", fastmath=False, forceinline=True)
 
 
 def split(value: Fraction) -> DoubleDouble:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import ceil
-from typing import Any
 
 import numpy as np
 
@@ -101,7 +100,7 @@ def _solution(
     scene: Scene, y0: Sequence[float], origin: float, times: Sequence[float], halving: int, is_perturbed: bool
 ) -> np.ndarray:
     """The solution, with a whole number of steps between times, which each halving doubles."""
-    made: Any = stepper(METHOD, scene)
+    made = stepper(METHOD, scene)
     y, values = np.array(y0, dtype=float), np.empty((len(y0), len(times)))
     longest, random = abs(times[-1] - origin) / FIRST_STEPS, np.random.default_rng(1)
     for k, (before, after) in enumerate(pairwise([origin, *times])):

@@ -9,21 +9,23 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import mpmath
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import MOST_STEPS, check_digits, items, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import is_sympy, read_entry
 from integrators.exact.polynomials import gauss_legendre
 from integrators.methods.programs.evaluations import Average, Derivative, Field, Flow, LinearForm, operands
 from integrators.methods.programs.program import Method, Program
 
-Vector = np.ndarray[Any, Any]
+Vector = np.ndarray
+Number: TypeAlias = Any  # a double, a complex number, or a number of mpmath, which declares no types
 Function = Callable[..., Any]
-Right = Callable[[Any, Vector], Vector]
+Right = Callable[[Number, Vector], Vector]
 ByPart = Function | Mapping[str, Function] | Sequence[Function]
 
 GUARD_DIGITS = 10
@@ -47,7 +49,7 @@ class Arithmetic:
         self.digits = digits
         self.decimals = 16 if digits is None else digits + GUARD_DIGITS
         self.context: Any = mpmath.fp if digits is None else mpmath.mp
-        self._largest: Any = math.inf if digits is None else mpmath.ldexp(1, MOST_BITS)
+        self._largest: Number = math.inf if digits is None else mpmath.ldexp(1, MOST_BITS)
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -55,7 +57,7 @@ class Arithmetic:
         with np.errstate(all="ignore"), mpmath.workdps(self.decimals):  # results are checked to be finite
             yield
 
-    def number(self, value: Any, argument: str) -> Any:
+    def number(self, value: object, argument: str) -> Number:
         """A finite number: a real number of any kind, or a formula without symbols."""
         if not hasattr(value, "_mpf_") and not is_sympy(value):
             value = read_entry(value, argument)
@@ -101,7 +103,7 @@ class Arithmetic:
             numbers.append(math.nan if isinstance(number, self.context.mpc) else number)
         return self.vector(numbers)
 
-    def is_finite(self, *vectors: Iterable[Any]) -> bool:
+    def is_finite(self, *vectors: Iterable[Number]) -> bool:
         """Whether all components are finite, and below 2^MOST_BITS for mpmath."""
         return all(abs(x) < self._largest for vector in vectors for x in vector)
 
@@ -287,7 +289,7 @@ class _Stepper:
             found = self.arithmetic.received(values, len(y), "field")
         else:
             found = mpmath.diff(lambda t: self._call("field", field, y + v * t), 0)
-        rounding: Any = self.arithmetic.context.eps
+        rounding: Number = self.arithmetic.context.eps
         width = rounding ** (1 / 3) * max(1, _size(y))
         here, ahead, behind = (self._call("field", field, y + v * (x * width)) for x in (0, 1, -1))
         gap = _size(found - (ahead - behind) / (2 * width))
@@ -297,7 +299,7 @@ class _Stepper:
             )
         return found * length
 
-    def _call(self, argument: str, function: Any, *vectors: Vector) -> Vector:
+    def _call(self, argument: str, function: Function, *vectors: Vector) -> Vector:
         """The value of a function of the user; arithmetic errors give NaN."""
         dimension = len(self.start)
         try:
@@ -344,7 +346,7 @@ def _components(program: Program) -> list[tuple[list[int], bool]]:
     return [(members, len(members) > 1 or graph.has_edge(members[0], members[0])) for members in found]
 
 
-def _size(*vectors: Vector) -> Any:
+def _size(*vectors: Vector) -> Number:
     """The largest absolute value of a component."""
     return max(abs(x) for vector in vectors for x in vector)
 
@@ -377,7 +379,7 @@ def _flow_increment(right: Right, start: Vector, arithmetic: Arithmetic) -> Vect
     return total
 
 
-def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: Arithmetic) -> Vector | None:
+def _extrapolated(right: Right, begin: Number, width: Number, z: Vector, arithmetic: Arithmetic) -> Vector | None:
     """The increment of z in an interval, from n = 2, 4, 6, … steps of the midpoint rule; None without convergence.
 
     The error of n steps has an expansion in 1/n², whose terms the Aitken–Neville tableau eliminates one by one. With
@@ -401,7 +403,7 @@ def _extrapolated(right: Right, begin: Any, width: Any, z: Vector, arithmetic: A
     return None
 
 
-def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: object, arithmetic: Arithmetic) -> Vector | None:
+def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: Number, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by iteration until increments stagnate (HLW, VIII.6); None without convergence."""
     least, failures = math.inf, 0
     for _ in range(MOST_ITERATIONS):
@@ -416,7 +418,7 @@ def _fixed_point(g: Callable[[Vector], Vector], x: Vector, scale: object, arithm
     return None
 
 
-def _newton(g: Callable[[Vector], Vector], x: Vector, scale: object, arithmetic: Arithmetic) -> Vector | None:
+def _newton(g: Callable[[Vector], Vector], x: Vector, scale: Number, arithmetic: Arithmetic) -> Vector | None:
     """The solution of x = g(x) by Newton's method with difference Jacobians; None without convergence."""
     context, one = arithmetic.context, arithmetic.vector(np.eye(len(x)))
 

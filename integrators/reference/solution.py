@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import mpmath
 import numpy as np
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import as_lists, items, read_whole
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import is_sympy, read_entry, symbol_names
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import TIME
@@ -229,7 +230,7 @@ def _order(digits: int) -> int:
     return ceil(1 + digits * log(10) / 2)
 
 
-def _read_number(value: Any, argument: str) -> Fraction:
+def _read_number(value: object, argument: str) -> Fraction:
     """A number as a fraction, exact or to 60 digits; a double is its exact binary value."""
     from integrators.reference.taylor_series import fraction_of
 

@@ -25,11 +25,12 @@ from mpmath import isfinite, mpf
 from mpmath.libmp import to_rational
 from numpy.typing import NDArray
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import njit
 from integrators.compile import machine
 from integrators.compile.machine import fma
 from integrators.compile.operation_graph import OperationGraph, Reader, reachable
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact import expressions
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import ELEMENTARY
@@ -59,7 +60,8 @@ WORKING_DIGITS = 60
 
 Array: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]
-Term: TypeAlias = tuple[Any, int]
+Number: TypeAlias = Any  # exact, or a number of mpmath or of python-flint, which declare no types
+Term: TypeAlias = tuple[Number, int]
 """An mpmath number times a register."""
 
 LINEAR, PRODUCT, POWER, FUNCTION = range(4)
@@ -96,7 +98,7 @@ def taylor_program(scene: Scene) -> TaylorProgram:
         raise IntegratorError("formula must not divide by zero, but does") from None
 
 
-def fraction_of(value: Any) -> Fraction:
+def fraction_of(value: Number) -> Fraction:
     """A real number of Python or mpmath as an exact fraction, one of SymPy to 60 digits if irrational."""
     if isinstance(value, int | Fraction):
         return Fraction(value)
@@ -133,7 +135,7 @@ def _add(term: LocalTerm, operations: Operations, derivatives: list[list[Term]])
             derivatives[place.at(row)].append((sign * _number(wanted[k][0]) * coefficient, register))
 
 
-def _number(value: object) -> Any:
+def _number(value: object) -> Number:
     """An exact number in working precision."""
     exact = fraction_of(value)
     return mpf(exact.numerator) / exact.denominator
@@ -212,7 +214,7 @@ class Operations:
 
     def merged(self, terms: Iterable[Term]) -> tuple[Term, ...]:
         """The terms of a sum, one for each register."""
-        total: dict[int, Any] = {}
+        total: dict[int, Number] = {}
         for coefficient, register in terms:
             total[register] = total.get(register, 0) + coefficient
         return tuple((coefficient, register) for register, coefficient in sorted(total.items()) if coefficient)
@@ -306,7 +308,7 @@ class Operations:
         return self.one + len(self.rows)
 
 
-def _real(number: object) -> Any:
+def _real(number: object) -> Number:
     """The number, refused unless real and finite."""
     if isinstance(number, mpmath.mpf) and mpmath.isfinite(number):
         return number

@@ -12,16 +12,17 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.errors import shorten
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
 from bseries_base.plotting import BLUE, GREY, drawing
-from bseries_base.table import Column, LazyRows, Table, Tabular, number_column
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.table import Column, Document, LazyRows, Table, Tabular, number_column
+from integrators.core.errors import IntegratorError
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, check_path, read_text
 from integrators.runs.storage import check_identity
@@ -108,7 +109,7 @@ class Block(NamedTuple):
 
 def merged_blocks(blocks: Iterable[Block]) -> Block:
     """The results of all blocks, which come in the order of their members; their statistics are merged pairwise."""
-    rests: list[tuple[Any, ...]] = []
+    rests: list[tuple[object, ...]] = []
 
     def leaves() -> Iterator[Statistics]:
         for block in blocks:
@@ -179,7 +180,7 @@ class EnsembleResult(Tabular):
         [[-0.3333 -0.4  nan]] 2
     """
 
-    def __init__(self, t: np.ndarray, names: Sequence[str], whole: Block, meta: Mapping[str, Any]):
+    def __init__(self, t: np.ndarray, names: Sequence[str], whole: Block, meta: Document):
         def tables(array: np.ndarray, least: int) -> dict[str, np.ndarray]:
             """By name, where there are at least this many members."""
             return dict(zip(self.names, np.where(self.count[:, None] >= least, array, np.nan).T, strict=True))
@@ -268,7 +269,7 @@ class EnsembleResult(Tabular):
             IntegratorError: xarray is not installed.
         """
         xarray = optional_module("xarray", "to_xarray")
-        data: dict[str, Any] = {key: (("quantity", "time"), list(getattr(self, key).values())) for key in STATISTICS}
+        data: Document = {key: (("quantity", "time"), list(getattr(self, key).values())) for key in STATISTICS}
         data["count"] = ("time", self.count)
         attributes = {"meta": json.dumps(self.meta, ensure_ascii=False)}
         return xarray.Dataset(data, coords={"time": self.t, "quantity": list(self.names)}, attrs=attributes)
@@ -311,7 +312,7 @@ def load_ensemble(path: str | os.PathLike[str]) -> EnsembleResult:
         return EnsembleResult(t, names, _block(arrays, {"times": len(t), "quantities": len(names)}), head["meta"])
 
 
-def _records(result: EnsembleResult) -> Iterator[dict[str, Any]]:
+def _records(result: EnsembleResult) -> Iterator[Document]:
     """Statistics of each quantity; None for numbers that are not finite."""
     for name in result.names:
         mean, std = result.mean[name], result.std[name]
@@ -348,7 +349,7 @@ def _statistics(result: EnsembleResult) -> Table:
     return Table("", list(map(Column, ["t", "count", *names])), LazyRows(rows, len(result.t)))
 
 
-def _arrays(block: Block) -> dict[str, Any]:
+def _arrays(block: Block) -> Document:
     failures = json.dumps([failure._asdict() for failure in block.failures])
     return {**block.statistics._asdict(), "series": block.series, "ends": block.ends, "failures": failures}
 
@@ -367,7 +368,7 @@ def _block(arrays: StoredArrays, sizes: Mapping[str, int]) -> Block:
     return Block(statistics, found["series"], found["ends"], tuple(failures))
 
 
-def block_folder(path: str | os.PathLike[str], identity: Mapping[str, object]) -> str:
+def block_folder(path: str | os.PathLike[str], identity: Document) -> str:
     """The folder of finished blocks, created if missing, from which an ensemble with this identity resumes."""
     folder = check_path(path, "checkpoint")
     label = os.path.join(folder, "ensemble.json")

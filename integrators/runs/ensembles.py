@@ -19,11 +19,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bseries_base.children import Children, end_with_parent, safe_path, start_tracker
+from bseries_base.errors import shorten
 from bseries_base.extras import loaded_module, optional_module
 from bseries_base.interrupts import mapped, uninterrupted
 from bseries_base.memory import refuse_beyond_memory
 from integrators.core.arguments import check_end, read_array, read_whole
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
@@ -69,7 +70,7 @@ class Members:
     observers: Observers
     observe_every: int
     change: Sequence[str | None]
-    sample: Callable[[np.random.Generator], Any] | None
+    sample: Callable[[np.random.Generator], object] | None
     seed: int
     keep: int
     final: bool
@@ -200,12 +201,12 @@ def ensemble(
     h: float | str,
     steps: int | None = None,
     span: float | str | None = None,
-    y0: Any = None,
-    sample: Callable[[np.random.Generator], Any] | None = None,
+    y0: object = None,
+    sample: Callable[[np.random.Generator], object] | None = None,
     members: int | None = None,
     seed: int = 0,
     t0: float = 0.0,
-    observe: Any = "energy",
+    observe: object = "energy",
     observe_every: int | None = None,
     change: str | Mapping[str, str] | None = None,
     keep: int = 0,

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import check_end, check_progress, read_steps
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import check_path
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method

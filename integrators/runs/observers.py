@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import MachineCode
 from integrators.compile.c_functions import OBSERVER, c_function, data
 from integrators.compile.function_keys import function_key
 from integrators.compile.printer import ModuleText
 from integrators.compile.scene_source import energy_lines, flat_lines
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.particles.expansion import filled
 from integrators.scenes.scene import Scene
 
@@ -42,7 +43,7 @@ class UserFunction:
     """A function of the user, equal to others with the same machine code."""
 
     key: Hashable
-    function: Any = field(compare=False)
+    function: Callable[..., object] = field(compare=False)
 
 
 class Observers:
@@ -99,7 +100,7 @@ class Observers:
 
 def observers(scene: Scene, observe: object) -> Observers:
     """Compile the quantities to observe on a scene."""
-    quantities: dict[str, str | Callable[..., Any]] = {}
+    quantities: dict[str, str | Callable[..., object]] = {}
     for name, quantity in _pairs(scene, observe):
         if not isinstance(name, str) or not name.isprintable() or not name.strip() or set("/\\<>") & set(name):
             what = "a lambda, which has none" if name == "<lambda>" else shorten(repr(name))
@@ -121,12 +122,12 @@ def observers(scene: Scene, observe: object) -> Observers:
     return made
 
 
-def _pairs(scene: Scene, observe: object) -> list[tuple[Any, Any]]:
+def _pairs(scene: Scene, observe: object) -> list[tuple[object, Any]]:
     """Pairs of a name and a quantity."""
     if observe is None:
         return []
     given = observe if isinstance(observe, Sequence) and not isinstance(observe, str) else [observe]
-    pairs: list[tuple[Any, Any]] = []
+    pairs: list[tuple[object, Any]] = []
     for item in given:
         if item == INVARIANTS and item not in _base(scene).invariants:
             names = dict.fromkeys([*[ENERGY] * scene.is_hamiltonian, *scene.invariants])

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import sympy
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.model.blocks import Block, canonical_blocks
 from integrators.scenes.model.formulas import as_float
@@ -118,7 +119,7 @@ def _kinetic_energy(scene: Scene, momenta: Block, places: Mapping[sympy.Symbol, 
         if any(s.name in names or s.name[:-1] in names for s in _symbols(summand.formula))
         for _, formula in written_out(summand, scene)
     ]
-    at_rest: dict[Any, Any] = dict.fromkeys(places, sympy.Integer(0))
+    at_rest: dict[sympy.Basic, sympy.Expr] = dict.fromkeys(places, sympy.Integer(0))
     at_rest |= {x: value for x, value in zip(scene.symbols, scene.start or (), strict=True) if x not in places}
     matrix, drift = np.zeros((len(places), len(places))), np.zeros(len(places))
     for formula in kinetic:

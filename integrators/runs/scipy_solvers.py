@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bseries_base.errors import shorten
 from bseries_base.extras import optional_module
 from integrators.compile.black_boxes import failure, forget_failure
 from integrators.compile.scene_source import compiled_scene
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import round_entry, sum_entries
 from integrators.methods.catalogue.registry import as_method, catalogue
 from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -27,7 +28,7 @@ from integrators.scenes.scene import Scene
 if TYPE_CHECKING:
     from scipy.integrate import RK45
 
-Array = np.ndarray[Any, Any]
+Array = np.ndarray
 
 MOST_ESTIMATES = 2
 SECOND_ERROR = 0.1

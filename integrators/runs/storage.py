@@ -14,10 +14,12 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from bseries_base.errors import shorten
 from bseries_base.machine_code import PACKAGE, package_version
 from bseries_base.memory import refuse_beyond_memory
+from bseries_base.table import Document
 from integrators.core.arguments import MOST_STEPS
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, lock, remove_unfinished
@@ -46,7 +48,7 @@ Rows = Mapping[str, np.ndarray]
 """Arrays of states, y, their times, t, and if there are any of observations, observed, and their times, observed_t."""
 
 
-def _shapes(run: Mapping[str, object], rows: Counts) -> dict[str, tuple[int, ...]]:
+def _shapes(run: Document, rows: Counts) -> dict[str, tuple[int, ...]]:
     """The shape of each array with this many rows."""
     counts = {"y": rows.stored, "t": rows.stored, "observed": rows.observed, "observed_t": rows.observed}
     return {key: (counts[key], *width) for key, width in row_widths(run).items()}
@@ -57,7 +59,7 @@ def _arrays(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
     return {key: np.full(shape, np.nan) if key == "observed" else np.empty(shape) for key, shape in shapes.items()}
 
 
-def _size(run: Mapping[str, object], rows: Counts) -> int:
+def _size(run: Document, rows: Counts) -> int:
     """Bytes of all rows."""
     return 8 * sum(map(math.prod, _shapes(run, rows).values()))
 
@@ -70,7 +72,7 @@ def _check_memory(size: int) -> None:
 class Recording:
     """The rows of a run, in memory; `run` is the content of `RUN`, and `total` are the final numbers of rows."""
 
-    def __init__(self, run: Mapping[str, object], total: Counts):
+    def __init__(self, run: Document, total: Counts):
         _check_memory(_size(run, total))
         self.counts, self._run = Counts(), run
         self._rows = _arrays(_shapes(run, total))
@@ -107,9 +109,7 @@ class FolderRecording(Recording):
     end the trajectory goes to the file `target`; if this is None, it is returned in memory.
     """
 
-    def __init__(
-        self, run: Mapping[str, object], total: Counts, folder: str, target: str | None, counts: Counts | None = None
-    ):
+    def __init__(self, run: Document, total: Counts, folder: str, target: str | None, counts: Counts | None = None):
         self.counts, self._run, self._folder, self._target = counts or Counts(), run, folder, target
         self._files: dict[str, IO[bytes]] = {}
         if target is None:
@@ -212,7 +212,7 @@ def _locked(folder: str) -> IO[bytes]:
     return file
 
 
-def _invariable(run: Mapping[str, Any]) -> Any:
+def _invariable(run: Document) -> Any:
     """The description of a run without the entries that may change when it is resumed."""
     meta = {key: value for key, value in run["meta"].items() if key not in ("steps", "version")}
     return json.loads(json.dumps({**run, "meta": meta}))
@@ -225,7 +225,7 @@ VECTORS = ("values", "carry", "memory", "control")
 HEAD = {"n": int, "is_fresh": bool, "solver": str, "run": dict}
 
 
-def description(compiled: Stepper, observer: Observers, options: dict[str, object]) -> dict[str, Any]:
+def description(compiled: Stepper, observer: Observers, options: dict[str, object]) -> Document:
     """The scene, the method and the options, as JSON values; without a date, so that runs can be compared."""
     return {
         "scene": json.loads(_scene(compiled.scene)),
@@ -254,14 +254,14 @@ def _method(method: Method) -> str:
         return json.dumps({"name": method.name, "program": program_text(method.program).splitlines()})
 
 
-def identity(compiled: Stepper, observer: Observers, options: dict[str, object], start: str) -> dict[str, Any]:
+def identity(compiled: Stepper, observer: Observers, options: dict[str, object], start: str) -> Document:
     """Everything that must be the same when a run or an ensemble resumes, as JSON values; `start` is a hash."""
     names = {"scene": compiled.scene.name, "method": compiled.method.name, "observe": list(observer.names)}
     digests = {"start": start, "compiled steps": sha256(compiled.source.encode()).hexdigest()}
     return json.loads(json.dumps(names | options | digests))
 
 
-def check_identity(found: Mapping[str, object], wanted: Mapping[str, object], what: str) -> None:
+def check_identity(found: Document, wanted: Document, what: str) -> None:
     """Refuse to resume another run; the message contains the difference."""
     for key in (*wanted, *found):
         if found.get(key) != wanted.get(key):
@@ -273,7 +273,7 @@ def check_identity(found: Mapping[str, object], wanted: Mapping[str, object], wh
 class Checkpoint:
     """The file from which a run with this identity resumes, due again `every` seconds after it was written."""
 
-    def __init__(self, path: str, run: Mapping[str, object], every: float):
+    def __init__(self, path: str, run: Document, every: float):
         self.path, self._run, self._every = path, run, every
         self._last = monotonic()
 
@@ -320,7 +320,7 @@ class Checkpoint:
             os.unlink(self.path)
 
 
-def checksum(arrays: Mapping[str, object]) -> str:
+def checksum(arrays: Document) -> str:
     """A hash that detects changes of a checkpoint."""
     found = sha256()
     for name in sorted(arrays):

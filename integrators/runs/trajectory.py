@@ -6,17 +6,18 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bseries_base.diagrams import axis_label, draw_curves
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
 from bseries_base.plotting import drawing
-from bseries_base.table import Column, LazyRows, Table, Tabular, number_column
+from bseries_base.table import Column, Document, LazyRows, Table, Tabular, number_column
 from integrators.core.arguments import check_label, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.stored_arrays import (
     MOST_TEXT,
     TEXT,
@@ -82,7 +83,7 @@ class Trajectory(Tabular):
     def __init__(
         self, t: np.ndarray, y: np.ndarray, *, h: float, variables: Sequence[str],
         observed: Mapping[str, np.ndarray] | None = None, observed_t: np.ndarray | None = None,
-        meta: Mapping[str, Any] | None = None,
+        meta: Document | None = None,
     ):  # fmt: skip
         self.t, self.y, self.h, self.variables = t, y, h, tuple(variables)
         self.observed, self.meta = dict(observed or {}), dict(meta or {})
@@ -124,7 +125,7 @@ class Trajectory(Tabular):
         Raises:
             IntegratorError: The file cannot be written.
         """
-        arrays: dict[str, Any] = {"t": self.t, "y": self.y, "h": self.h, "variables": self.variables}
+        arrays: Document = {"t": self.t, "y": self.y, "h": self.h, "variables": self.variables}
         if self.observed_t is not self.t:
             arrays["observed_t"] = self.observed_t
         arrays |= {OBSERVED + name: values for name, values in self.observed.items()}
@@ -275,7 +276,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         return _checked(Trajectory(y=found["y"], **times, **labels))
 
 
-def read_run(folder: str) -> dict[str, Any]:
+def read_run(folder: str) -> Document:
     """The description of the rows in the folder of a run."""
     path = os.path.join(folder, RUN)
     if not os.path.isfile(path):
@@ -283,13 +284,13 @@ def read_run(folder: str) -> dict[str, Any]:
     return read_json(read_text(path, MOST_TEXT)[0], CONTENT, RUN)
 
 
-def row_widths(run: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+def row_widths(run: Document) -> dict[str, tuple[int, ...]]:
     """The shapes of rows of states, observations and their times; `run` is the content of `RUN`. Times come last."""
     observed = {"observed": (len(run["observed"]),), "observed_t": ()} if run["observed"] else {}
     return {"y": (len(run["variables"]),), **observed, "t": ()}
 
 
-def trajectory_of(run: Mapping[str, Any], rows: Mapping[str, np.ndarray]) -> Trajectory:
+def trajectory_of(run: Document, rows: Mapping[str, np.ndarray]) -> Trajectory:
     """The trajectory of the rows that have times; `run` is the content of `RUN`."""
     t = rows["t"]
     times = t if run["same_times"] or not run["observed"] else rows["observed_t"]
@@ -332,7 +333,7 @@ def _names(run: Trajectory) -> str:
     return " on ".join(name for name in names if name) or f"{len(run.variables)} variables"
 
 
-def _records(run: Trajectory) -> Iterator[dict[str, Any]]:
+def _records(run: Trajectory) -> Iterator[Document]:
     """A record for each quantity and variable; None for numbers that are not finite."""
     for name, values in run.observed.items():
         first, last = (finite_or_none(value) for value in values[[0, -1]]) if len(values) else (None, None)

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from random import Random
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arithmetic import substituted
-from integrators.exact.functions import as_function
+from integrators.exact.functions import Function, as_function
 from integrators.scenes.model.blocks import ROLES, TIME, component_places
 from integrators.scenes.model.formulas import as_float
-from integrators.scenes.model.system import System, output_formula
+from integrators.scenes.model.system import LocalTerm, System, output_formula
 from integrators.scenes.model.terms import Sites
 from integrators.scenes.particles.expansion import at_row, filled, is_local
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
+Number: TypeAlias = Any  # of mpmath, which declares no types
 
 MAX_ROWS = 200_000
 """Above this number of pairs, only neighbours are checked, in an order that makes coinciding sites neighbours."""
@@ -46,7 +48,7 @@ class Guard(NamedTuple):
         """Whether a value satisfies the guard; undecidable values pass."""
         if not value.is_number:
             return True
-        number = cast(Any, value if value.is_Rational else value.evalf(30))
+        number = value if value.is_Rational else value.evalf(30)
         if not number.is_real:
             return False
         zero = abs(number) < 1e-25
@@ -59,7 +61,7 @@ def guards(formula: sympy.Expr, derivatives: int = 0) -> list[Guard]:
     return list(dict.fromkeys(guard for guard in found if not guard.formula.is_positive))
 
 
-def _parts(formula: Any) -> Iterator[Any]:
+def _parts(formula: sympy.Basic) -> Iterator[sympy.Basic]:
     """The parts of a formula, inner ones first, without the branches of ``where``, of which one is evaluated."""
     for argument in formula.args[:1] if type(formula).__name__ == "Where" else formula.args:
         yield from _parts(argument)
@@ -234,12 +236,12 @@ def defects(scene: System) -> dict[str, float]:
     return found
 
 
-def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
+def precise_field(scene: System) -> Callable[[Sequence[Number]], list[Number]]:
     """f(y) as a function of mpmath numbers, in mpmath's precision at the time of the call."""
     import mpmath
     import sympy
 
-    made: list[Any] = []
+    made: list[tuple[LocalTerm, Function, Function]] = []
     for term in scene.numeric_terms:
         symbols = [sympy.Symbol(f"x{k}") for k in range(len(term.arguments))]
         symbols += [sympy.Symbol(f"d{k}") for k in range(len(term.data))]
@@ -247,7 +249,7 @@ def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
         data = as_function((), [list(data.values) for data in term.data], "mpmath")
         made.append((term, as_function(symbols, values, "mpmath"), data))
 
-    def field(y: Sequence[Any]) -> list[Any]:
+    def field(y: Sequence[Number]) -> list[Number]:
         out = [mpmath.mpf(0)] * len(y)
         for term, values, data in made:
             at_sites = data()
@@ -261,7 +263,7 @@ def precise_field(scene: System) -> Callable[[Sequence[Any]], list[Any]]:
     return field
 
 
-def _derivative(name: str, scene: System) -> Callable[[Sequence[Any], Sequence[Any]], list[Any]]:
+def _derivative(name: str, scene: System) -> Callable[[Sequence[Number], Sequence[Number]], list[Number]]:
     """The terms ∂I/∂y_k f_k of an invariant as a function of y and f(y)."""
     formula = filled(scene.invariants[name], scene)
     symbols = sorted(cast("set[sympy.Symbol]", formula.free_symbols), key=str)

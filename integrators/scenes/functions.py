@@ -12,8 +12,10 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 import sympy
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import items, parameters_of, required, without_axes
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import in_sympy
 from integrators.exact.branches import Absolute, Sign, compare, extreme
 from integrators.scenes.model.black_boxes import BoxArgument
 from integrators.scenes.model.blocks import TIME, Block, read_blocks
@@ -303,7 +305,7 @@ def operand(value: object) -> sympy.Expr | None:
     if isinstance(value, sympy.Expr):
         return value
     number = exact_number(value)
-    return None if number is None else sympy.Rational(number.numerator, number.denominator)
+    return None if number is None else in_sympy(number)
 
 
 def traced(function: Callable[..., sympy.Expr]) -> Callable[..., Formula]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from unicodedata import name as unicode_name
 
+from bseries_base.errors import shorten
 from bseries_base.formulas import formula_text
-from bseries_base.table import Column, Table, Tabular, latex_text
+from bseries_base.table import Column, Document, Table, Tabular, latex_text
 from integrators.core.arguments import check_label
-from integrators.core.errors import shorten
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import decimal_text
 from integrators.scenes.checks import check_domain, defects
@@ -261,7 +261,7 @@ class Scene(System, Tabular):
 
         return tomli_w.dumps(self.to_dict())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The content of `to_toml` as dictionaries and lists of integers and text, valid in JSON."""
         labels = self._labels | ({"name": None} if self.name == UNNAMED else {})
         return declarations.declaration_table(self.declaration, labels, self.effects, self.active)
@@ -300,7 +300,7 @@ def labelled(scene: Scene, *, name: str, summary: str, reference: str) -> Scene:
     return copy
 
 
-def _decimal(number: Any) -> str | None:
+def _decimal(number: sympy.Expr) -> str | None:
     """The decimal form of a rational number, if it is shorter than the fraction; else None."""
     if not number.is_Rational:
         return None

@@ -16,8 +16,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import IO, Any
 
+from bseries_base.errors import shorten, shown
+from bseries_base.table import Document
 from integrators.core.arguments import MOMENTA, POSITIONS, canonical_names, items, split_row
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write, check_keys, errors_from, parse_toml, read_text
 from integrators.exact.expressions import MAX_LENGTH, NOT_FINITE
 from integrators.scenes.checks import can_be_checked, defects
@@ -144,7 +146,7 @@ def _symbols(text: str) -> list[str]:
     return [name for name in names if name not in called]
 
 
-def _value_names(values: Mapping[str, Any]) -> list[str]:
+def _value_names(values: Document) -> list[str]:
     """The names of parameters in formulas: m, or m1, m2, … for a list of values."""
     names = []
     for name, value in values.items():
@@ -198,13 +200,13 @@ def _read_blocks(blocks: object) -> dict[str, list[str]]:
     return {block.name: list(block.variables) for block in read_blocks(values, "blocks")}
 
 
-def read_values(values: object, argument: str) -> dict[str, Any]:
+def read_values(values: object, argument: str) -> Document:
     """A mapping, or the mapping written as text ``name=value; name=value,value``."""
     if values is None or isinstance(values, Mapping):
         return dict(values or {})
     if not isinstance(values, str):
         raise IntegratorError(f"{argument} must be a mapping or text, but was {shown(values)}")
-    read: dict[str, Any] = {}
+    read: Document = {}
     for item in filter(str.strip, re.split(r"[;\n]", values)):
         name, sign, value = (part.strip() for part in item.partition("="))
         if not (sign and name and value) or name in read:
@@ -214,7 +216,7 @@ def read_values(values: object, argument: str) -> dict[str, Any]:
     return read
 
 
-def _read_start(start: object, blocks: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def _read_start(start: object, blocks: Mapping[str, Sequence[str]]) -> Document:
     """Start values by block, collected from blocks and single variables."""
     values, found = read_values(start, "start"), {}
     for block, variables in blocks.items():
@@ -239,7 +241,7 @@ KEYS = ("name", "reference", *EFFECT_KEYS[:-1], "poisson", "invariants", "positi
 TERM_KEYS = ("over", "hamiltonian", "field", "part")
 
 
-def load_scene(source: str | os.PathLike[str] | IO[Any]) -> Scene:
+def load_scene(source: str | os.PathLike[str] | IO[str] | IO[bytes]) -> Scene:
     """Read a scene from a TOML file.
 
     Args:

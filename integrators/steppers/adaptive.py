@@ -14,13 +14,15 @@ References:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import sympy
 
+from bseries_base.errors import shorten
 from integrators.compile.scene_source import flat_lines
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import renamed
 from integrators.exact.expressions import nearest_double
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.system import System
@@ -60,8 +62,8 @@ def read_control(control: object, scene: System) -> sympy.Expr:
 
 def start_control(formula: sympy.Expr, scene: System, y: np.ndarray, t0: float) -> np.ndarray:
     """`State.control` at the start of a run."""
-    values: Any = {symbol: sympy.Rational(float(x)) for symbol, x in zip(scene.symbols, y, strict=True)}
-    at_start: Any = formula.xreplace(values)
+    values = {symbol: sympy.Rational(float(x)) for symbol, x in zip(scene.symbols, y, strict=True)}
+    at_start = renamed(formula, values)
     size = at_start.evalf(30)
     if not (size.is_finite and size.is_positive):
         raise IntegratorError(f"control must be positive at the start, but was {shorten(str(size.evalf(6)))}")

@@ -20,6 +20,7 @@ import numpy as np
 import sympy
 
 from integrators.compile.printer import Assign, indented
+from integrators.exact.arithmetic import renamed
 from integrators.exact.entries import round_entry
 from integrators.exact.polynomials import gauss_legendre
 from integrators.scenes.model.system import output_formula
@@ -87,7 +88,7 @@ def _linear_lines(call: Call, target: str, flow: LinearFlow, writer: StepWriter)
     for block in call.blocks:
         lines += writer.forms.assignments(block, [Assign(target, "=", Sum(()))])
     if flow.constants:
-        vectors.append(module.numbers([sympy.Rational(x.numerator, x.denominator) for x in flow.constants]))
+        vectors.append(module.numbers(flow.constants))
     lines.append(f"elements = {writer.known[key]}")
     pattern = ", ".join([str(len(flow.rows)), *map(module.integers, (flow.rows, flow.starts, flow.columns))])
     for k, vector in enumerate([at, *vectors]):
@@ -205,8 +206,8 @@ def constant_system(structure: Structure, piece: int, blocks: Iterable[int]) -> 
         formula = output_formula(term, output)
         if degree(formula, variables) not in (0, 1) or term.sites.size > MOST_ROWS:
             return None
-        constant: Any = formula.xreplace(dict.fromkeys(variables, sympy.Integer(0)))
-        factors: list[Any] = [formula.diff(x) for x in variables]
+        constant = renamed(formula, dict.fromkeys(variables, sympy.Integer(0)))
+        factors = [formula.diff(x) for x in variables]
         for row in term.sites.rows():
             data, i = term.data_at(row), output.place.at(row)
             if constant != 0:

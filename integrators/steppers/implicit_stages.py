@@ -16,8 +16,6 @@ from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import sympy
-
 from bseries_base.memory import refuse_beyond_memory
 from integrators.compile.printer import Assign, indented
 from integrators.core.errors import IntegratorError
@@ -347,11 +345,11 @@ class NewtonMatrix:
             function = writer.functions.jacobian(jacobian.piece, jacobian.blocks)
             lines += [*made, f"{function}({at}, {_jacobian_at(number, n)})"]
         parts: list[int] = []
-        factors: list[sympy.Expr] = []
+        factors: list[Fraction] = []
         for row, column, path, factor in self._entries():
             start = self._product(path, lines) * n * n + row.a * n + column.a
             parts += [row.first * self.size + column.first, start, row.b - row.a, column.b - column.a, len(path)]
-            factors.append(sympy.Rational(factor.numerator, factor.denominator))
+            factors.append(factor)
         writer.array("jacobians", n * n * (len(self._jacobians) + len(self._products)))
         matrix, pivots = writer.array("matrix", self.size**2), writer.array("pivots", self.size)
         table = f"{writer.module.integers(parts)}, {writer.module.numbers(factors)}"

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, lru_cache
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from bseries_base.errors import shorten, shown
 from bseries_base.memory import refuse_beyond_memory
 from integrators.compile.black_boxes import failure, forget_failure
-from integrators.compile.c_functions import RECORDED, REPEATED, Pointer, c_function, data
+from integrators.compile.c_functions import RECORDED, REPEATED, CFunction, Pointer, c_function, data
 from integrators.compile.scene_source import compiled_scene
 from integrators.core.arguments import check_end, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
@@ -442,7 +443,7 @@ def _pointers(state: State) -> list[Pointer]:
 
 
 @cache
-def _loop(name: str, prototype: object) -> Any:
+def _loop(name: str, prototype: CFunction) -> Callable[..., int]:
     """A loop over steps (see `integrators.steppers.recording`)."""
     path = source_of("integrators.steppers.recording")
     return c_function(path.read_text(encoding="utf-8"), name, helpers=HELPERS).function(prototype)

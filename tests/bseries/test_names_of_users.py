@@ -161,7 +161,7 @@ def closed(names):
     pair = {"p": [p], "q": [q]}
     for method, energy in (
         ("implicit-midpoint", f"({p}^2 + 4*{q}^2)/2"),
-        ("symplectic-euler-p", f"log(exp(1) + {p}) + log(2 + {q})"),
+        ("symplectic-euler-p", f"exp(1)*{p}^2/2 + {q}^2"),
     ):
         made = bs.Scene(pair, hamiltonian=energy)
         form = bs.hamiltonians.closed_hamiltonian(method, made)

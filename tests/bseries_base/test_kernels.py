@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bseries_base.kernels import kernel
-from bseries_base.lowering.flat_kernels import flat_kernel, machine_code_pays
+from bseries_base.lowering.flat_kernels import address_of, flat_kernel, machine_code_pays
 from trees import TreeTable
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -84,6 +84,14 @@ def test_flat_kernels_in_both_executions():
             numbers, whole, small = np.array([1, 2, 3], kind), np.zeros(1, np.int64), np.zeros(3, narrow)
             run(3, 1.5, numbers, whole, small)
             assert (whole.tolist(), small.tolist()) == ([10], [2, 3, 5])
+
+
+def test_addresses_of_arrays_are_those_of_numpy():
+    numbers = np.arange(6.0)
+    frozen = numbers.view("u8")
+    frozen.flags.writeable = False
+    for array in (numbers, numbers[2:], frozen, numbers[:0], np.zeros((2, 3), np.int8), np.array(["a"], object)):
+        assert address_of(array) == array.__array_interface__["data"][0]
 
 
 def test_the_choice_of_machine_code_depends_on_the_work_alone():

@@ -8,7 +8,7 @@ import pytest
 
 import trees.basis
 import trees.table
-from trees import Tree, TreeError, TreeTable, count_trees
+from trees import Tree, TreeError, TreeTable, count_trees, folds
 from trees.counting import memory_estimate
 from trees.kernels import graft
 
@@ -191,9 +191,12 @@ def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
         ((10**30,), "order must be 60 or less, but was 1000000"),
         ((4, 0), "colors must be 1 or more, but was 0"),
         ((4, 1000), "colors must be 100 or less, but was 1000"),
-        ((4, 2, [[1, 2]]), "max_children must have 2 rows of 2 or 3 bounds, but had rows of lengths"),
-        ((4, 1, [[-1]]), "max_children must hold whole numbers, 0 or more, or None, but had -1"),
-        ((4, 1, 0.5), "max_children must hold whole numbers"),
+        ((4, 2, [[1, 2]]), "max_children must be one bound or 2 rows of 2 or 3 bounds, .* but was \\[\\[1, 2\\]\\]"),
+        (
+            (4, 1, [[-1]]),
+            "max_children must be one bound or 1 row of 1 or 2 bounds, each a whole number, .* but was \\[\\[-1\\]\\]",
+        ),
+        ((4, 1, 0.5), "max_children must be one bound or 1 row .* but was 0.5"),
         ((30,), "order must be smaller: a table of trees with 30 nodes in 1 colours would"),
         ((25,), "order must be smaller: .* would take [0-9.]+ GB of memory, but [0-9.]+ GB are available|2\\^31"),
     ],
@@ -201,3 +204,14 @@ def test_tables_too_large_to_keep_are_made_anew(monkeypatch):
 def test_refusals_name_the_argument(arguments, message):
     with pytest.raises(TreeError, match=message):
         TreeTable(*arguments)
+
+
+@pytest.mark.parametrize(("order", "colors", "names"), [(7, 1, None), (4, 2, ("fast", "slow")), (3, 3, tuple("abc"))])
+def test_texts_from_factors_are_those_of_trees(order, colors, names):
+    table = TreeTable(order, colors)
+    text, formula = folds.tree_texts(table, names), folds.differentials(table, names)
+    levels, colors_of = folds.levels(table), folds.colors(table)
+    for at in reversed(range(len(table))):
+        tree = table[at]
+        assert (text(at), formula(at)) == (tree.text(names), tree.differential(names=names))
+        assert (levels(at), colors_of(at)) == (tree.levels, tree.colors)

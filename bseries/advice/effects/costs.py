@@ -13,7 +13,7 @@ import numpy as np
 from bseries.advice.timing import MOST_STEPS, Timing, Work, step_costs
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.exceptions import SeriesError
-from bseries.fields.modified_fields import trees_of_method
+from bseries.fields.scene_trees import trees_of_method
 from bseries_base.diagrams import bar_height, draw_bars
 from bseries_base.plotting import drawing
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
@@ -25,6 +25,7 @@ from integrators.runs.titles import write_title
 from integrators.scenes.catalogue.registry import SceneEntry, find_entry, scene_catalogue
 from integrators.scenes.catalogue.registry import scene as built_in
 from integrators.scenes.model.blocks import TIME
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class EffectVariants(NamedTuple):
         first, second = np.array(pairs, dtype=np.intp).T
         return first, second
 
-    def parts(self, given: Any, scene: Scene) -> Any:
+    def parts(self, given: Parts | None, scene: Scene) -> Parts | None:
         """The assignment of a method's parts with these effects, without blocks that only other effects add."""
         if not isinstance(given, Mapping):
             return given
@@ -74,7 +75,7 @@ class EffectVariants(NamedTuple):
         lists = {name: [value] if isinstance(value, str) else value for name, value in given.items()}
         return {name: [block for block in blocks if block not in absent] for name, blocks in lists.items()}
 
-    def _labels(self, names: Names) -> list[Any]:
+    def _labels(self, names: Names) -> list[str] | list[tuple[str, str]]:
         """An identifier for each variable: its name, or its body and component."""
         scene = self.build(names)
         if self.bodies is None:
@@ -86,8 +87,8 @@ class EffectVariants(NamedTuple):
 def effect_variants(
     scene: Scene | str,
     effects: str | Iterable[str] | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    start: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    start: Mapping[str, object] | None = None,
 ) -> EffectVariants:
     """The combinations of the effects of a scene."""
     values, blocks = _mapping(parameters, "parameters"), _mapping(start, "start")
@@ -111,13 +112,13 @@ def effect_variants(
     return EffectVariants(known, cache(lambda names: full.with_effects(*names)))
 
 
-def _mapping(values: Any, argument: str) -> dict[str, Any]:
+def _mapping(values: Mapping[str, object] | None, argument: str) -> dict[str, object]:
     if not isinstance(values, Mapping | None):
         raise SeriesError(f"{argument} must map names to values, but was {values!r:.60}")
     return dict(values or {})
 
 
-def _built_anew(entry: SceneEntry, names: Names, values: dict[str, Any], start: dict[str, Any]) -> EffectVariants:
+def _built_anew(entry: SceneEntry, names: Names, values: dict[str, object], start: dict[str, object]) -> EffectVariants:
     """Effects of scenes that are built with them; their parameters exist only with them."""
     options = {name: values.pop(name) for name in list(values) if name in entry.options}
     full = built_in(entry.name, names, **options, **values).with_start(**start)
@@ -270,9 +271,9 @@ def effect_costs(
     *,
     h: float,
     effects: str | Iterable[str] | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    start: Mapping[str, Any] | None = None,
-    parts: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    start: Mapping[str, object] | None = None,
+    parts: Parts | None = None,
     solver: str = "auto",
     order: int = ORDER,
 ) -> EffectCosts:
@@ -319,8 +320,8 @@ def variant_costs(
     method: Method | str,
     h: float,
     *,
-    parts: Any = None,
-    options: Mapping[str, Any],
+    parts: Parts | None = None,
+    options: Mapping[str, object],
     most_steps: int = MOST_STEPS,
 ) -> dict[Names, Timing]:
     """CPU seconds per step with each of several sets of effects, timed in interleaved rounds."""

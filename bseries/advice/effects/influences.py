@@ -32,6 +32,7 @@ from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
 from integrators.runs.observers import observers
 from integrators.runs.titles import write_title
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 
@@ -371,9 +372,9 @@ def effect_influence(
     accept: float | None = None,
     measure: str = SOLUTION,
     effects: str | Iterable[str] | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    start: Mapping[str, Any] | None = None,
-    parts: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    start: Mapping[str, object] | None = None,
+    parts: Parts | None = None,
     solver: str = "auto",
     margin: float = MARGIN,
     progress: Callable[[int, int], object] | None = None,

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
 from inspect import signature
 from typing import Any, NamedTuple, TypeAlias
 
@@ -22,6 +21,7 @@ from bseries.advice.predictions.perturbation_run import PerturbationRun, perturb
 from bseries.advice.predictions.prediction import ExpectedError, Prediction
 from bseries.advice.predictions.prediction import seconds_per_step as calibrated
 from bseries.analysis.structure import symplecticity
+from bseries.fields.inputs import Numeral, Point
 from bseries_base.errors import BSeriesError
 from integrators.core.arguments import check_end
 from integrators.core.errors import IntegratorError
@@ -30,6 +30,7 @@ from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from integrators.runs.integration import integrate
 from integrators.scenes.catalogue.registry import as_scene
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
 from integrators.steppers.states import StepError
 from integrators.steppers.stepping import stepper
@@ -87,12 +88,12 @@ def predict_run(
     method: Method | str,
     scene: Scene | str,
     *,
-    h: Any,
+    h: float | str,
     steps: int | None = None,
-    span: Any = None,
-    y0: Any = None,
+    span: Numeral | None = None,
+    y0: Point | None = None,
     t0: float = 0.0,
-    parts: Mapping[str, Any] | None = None,
+    parts: Parts | None = None,
     seconds_per_step: float | None = None,
     timed: bool = True,
     **options: Any,
@@ -157,7 +158,14 @@ def predict_run(
 
 
 def _expected_errors(
-    scene: Scene, method: Method, h: float, steps: int, y0: np.ndarray, t0: float, parts: Any, control: Any
+    scene: Scene,
+    method: Method,
+    h: float,
+    steps: int,
+    y0: np.ndarray,
+    t0: float,
+    parts: Parts | None,
+    control: object,
 ) -> Errors:
     """The errors of energy and solution, the powers of h, and the part of the time covered by the perturbation run."""
 

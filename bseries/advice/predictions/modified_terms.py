@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import sympy
 
 from bseries.exceptions import SeriesError
+from bseries.fields.inputs import Formula
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import structure_matrix
 from integrators.exact.functions import as_function
 from integrators.methods.programs.program import Method, Program, mapped
+from integrators.scenes.particles.parts import Parts
 from integrators.scenes.scene import Scene
+
+Gradient: TypeAlias = Callable[[np.ndarray], np.ndarray]
+"""∇H as a function of many points (variables, n)."""
 
 ORDERS = 4, 7, 9, 11, 13
 """Orders tried for the first nonzero term: one beyond 3, 6, 8, 10 and 12, so that few methods need two trials."""
@@ -48,7 +54,7 @@ class ModifiedTerms(NamedTuple):
         return moves
 
 
-def modified_terms(method: Method, scene: Scene, parts: Any = None, *, order: int = 0) -> ModifiedTerms:
+def modified_terms(method: Method, scene: Scene, parts: Parts | None = None, *, order: int = 0) -> ModifiedTerms:
     """The terms of the modified equation at the first power of h with any, and at two more, or at more up to `order`.
 
     Example:
@@ -89,7 +95,7 @@ def _powers(field: SceneSeries, exact: bool) -> tuple[int, ...]:
 
 
 @lru_cache(maxsize=16)
-def gradient(scene: Scene) -> Any:
+def gradient(scene: Scene) -> Gradient | None:
     """∇H as a function of many points (variables, n); None if the energy is not conserved."""
     if not scene.is_hamiltonian:
         return None
@@ -98,8 +104,8 @@ def gradient(scene: Scene) -> Any:
     if scene.canonical_pair is not None and scene.poisson is None:
         field, matrix = modified_field(method("explicit-euler"), scene, 1), -np.array(structure_matrix(scene), float)
         return lambda y: matrix @ field.terms(y)[0]  # ∇H = J^(−1) f
-    formula: Any = scene.hamiltonian
-    values: Any = list(scene.parameter_values.items())
+    formula: Formula = scene.hamiltonian
+    values = list(scene.parameter_values.items())
     gradients = [sympy.diff(formula.subs(values), x) for x in scene.symbols]
     function = as_function(scene.symbols, gradients, "numpy")
     return lambda y: np.array([np.broadcast_to(row, y.shape[1:]) for row in function(*y)])

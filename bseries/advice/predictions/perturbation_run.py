@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bseries.advice.measures import NOISE, largest_size, norms, without_time
-from bseries.advice.predictions.modified_terms import ModifiedTerms
+from bseries.advice.predictions.modified_terms import Gradient, ModifiedTerms
 from bseries.exceptions import SeriesError
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.truncation import Reach
@@ -82,7 +82,7 @@ class PerturbationRun(NamedTuple):
 
 
 def perturbation_run(
-    terms: ModifiedTerms, energy_gradient: Any, y0: np.ndarray, h: float, span: float, t0: float = 0.0
+    terms: ModifiedTerms, energy_gradient: Gradient | None, y0: np.ndarray, h: float, span: float, t0: float = 0.0
 ) -> PerturbationRun | None:
     """Compute the exact flow and the modified equation over a span, or over the part that the CPU time allows.
 
@@ -99,7 +99,7 @@ def perturbation_run(
         return None
     factor = max(1.0, DISTANCE * size / (abs(spacing) * IMPULSES.per_scale * effect))
 
-    effects = _Effects(terms, energy_gradient, powers, h, factor * spacing / 2)
+    effects = _Effects(terms, powers, h, factor * spacing / 2)
     flow, count = stepper(METHOD, scene), min(total, MOST_POINTS)
     exact, other = (flow.start(y0, h=spacing / SUBSTEPS, t0=t0) for _ in range(2))
     y, z = [y0[:, None]], [y0[:, None]]
@@ -117,15 +117,15 @@ def perturbation_run(
         began, done = min(began, thread_time()), done + points
     states, others = np.concatenate(y, axis=1), np.concatenate(z, axis=1)
     t = np.linspace(0.0, span * (done / total), done + 1)  # ends exactly with the run
-    changes = None if energy_gradient is None else effects.energy_changes(others, spacing)
+    changes = None if energy_gradient is None else effects.energy_changes(energy_gradient, others, spacing)
     return PerturbationRun(t, states, (others - states) / factor, changes, powers, factor, is_complete)
 
 
 class _Effects:
     """Effects of r = h^p f_{p+1} + …: impulses, the solution with them, and changes of the energy."""
 
-    def __init__(self, terms: ModifiedTerms, energy_gradient: Any, powers: tuple[int, ...], h: float, weight: float):
-        self._terms, self._energy_gradient, self._weight = terms, energy_gradient, weight
+    def __init__(self, terms: ModifiedTerms, powers: tuple[int, ...], h: float, weight: float):
+        self._terms, self._weight = terms, weight
         self._scales = h ** np.array(powers)[:, None, None]
 
     def _values(self, y: np.ndarray) -> np.ndarray:
@@ -153,9 +153,9 @@ class _Effects:
             before, impulses = found, self.impulses(found)
         return None
 
-    def energy_changes(self, y: np.ndarray, spacing: float) -> np.ndarray:
+    def energy_changes(self, gradient: Gradient, y: np.ndarray, spacing: float) -> np.ndarray:
         """∫ ∇H · r dt by power of h along a solution, (powers, n)."""
-        products = self._energy_gradient(y) * self._values(y)
+        products = gradient(y) * self._values(y)
         rates = products.sum(axis=1)
         rates[abs(rates) <= NOISE * abs(products).sum(axis=1)] = 0.0  # where the energy is conserved
         changes = np.zeros(rates.shape)

@@ -158,7 +158,7 @@ class Prediction(NamedTuple):
         return {"schema": 1, "kind": "prediction", **facts, **errors, "powers": list(self.powers)}
 
 
-def time_only(h: Any, steps: int, reason: str, seconds: float | None = None) -> Prediction:
+def time_only(h: float, steps: int, reason: str, seconds: float | None = None) -> Prediction:
     """A prediction with unknown errors, and the reason."""
     unknown = ExpectedError(None, reason)
     return Prediction(float(h), steps, seconds, unknown, unknown, (), 0.0)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from fractions import Fraction
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,10 +25,11 @@ from bseries.advice.work_precision.sweeps import (
     timed_curves,
 )
 from bseries_base.diagrams import MARKERS, draw_legend, line_style
+from bseries_base.errors import shorten
 from bseries_base.plotting import drawing, new_figure, print_style
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import check_progress
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_number, read_positive
 from integrators.runs.titles import write_title
 from integrators.scenes.catalogue.registry import as_scene
@@ -303,7 +305,7 @@ def work_precision(
     return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
-def check_errors(errors: Any) -> tuple[float, float]:
+def check_errors(errors: Iterable[Fraction | float]) -> tuple[float, float]:
     """The largest and the smallest error of interest."""
     try:
         loosest, finest = (read_number(error, "errors") for error in errors)

@@ -28,7 +28,8 @@ from bseries.advice.measures import (
 )
 from bseries.advice.timing import Timing, Work, step_costs
 from bseries.algebra.stages import check_method
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
 from integrators.methods.catalogue.registry import RECOMMENDED, catalogue, method
 from integrators.methods.programs.program import Method
 from integrators.reference.halved_steps import settled_solution

@@ -19,16 +19,17 @@ from itertools import count, islice, zip_longest
 from typing import Any
 
 from bseries.analysis.stability import field_elements as field
-from bseries.analysis.stability.field_elements import Coefficients, Inexact
+from bseries.analysis.stability.field_elements import Coefficients, Element, Inexact, Rows, Vector
 from bseries.analysis.stability.rational_functions import StabilityFunction
-from integrators.core.errors import IntegratorError, shorten
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
+from integrators.exact.entries import Entry
 from integrators.exact.polynomials import ONE, add, derivative, evaluate, from_flint, multiply, to_flint_matrix, trim
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 MethodOrFunction = RungeKutta | StabilityFunction | str
-Rows = Sequence[Sequence[Any]]
 
 MOST_INEXACT_STAGES = 10
 """The last coefficients of R decrease like 1/(2s)!, and doubles have sixteen digits."""
@@ -73,7 +74,9 @@ def stability_function(method: RungeKutta | str) -> StabilityFunction:
     return StabilityFunction.from_elements(p, q, floating=method.domain == "float", digits=method.digits)
 
 
-def _needed_stages(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]:
+def _needed_stages(
+    rows: Sequence[Coefficients], weights: Coefficients, vector: Coefficients
+) -> tuple[Rows, Vector, Vector]:
     """The stages on which the result depends; others add common factors to P and Q, which floats cannot cancel."""
     found = [i for i, weight in enumerate(weights) if weight]
     for i in found:  # the list grows during the loop
@@ -82,7 +85,7 @@ def _needed_stages(rows: Any, weights: Any, vector: Any) -> tuple[Any, Any, Any]
     return [[rows[i][j] for j in kept] for i in kept], [weights[i] for i in kept], [vector[i] for i in kept]
 
 
-def checked_method(method: Any) -> RungeKutta:
+def checked_method(method: object) -> RungeKutta:
     """The method, if it is given by one tableau, or by the name of one."""
     method = as_method(method)
     if not isinstance(method, RungeKutta):
@@ -96,13 +99,13 @@ def function_of(method: MethodOrFunction) -> StabilityFunction:
     return method if isinstance(method, StabilityFunction) else stability_function(method)
 
 
-def squared_gap(R: StabilityFunction) -> list[Any]:
+def squared_gap(R: StabilityFunction) -> Coefficients:
     """Coefficients of E(y) = |Q(iy)|² − |P(iy)|² in powers of y²: Q(z) Q(−z) − P(z) P(−z) in powers of −z²."""
     below, above = (multiply(values, field.reflect(values)) for values in (R.q, R.p))
-    return [-a if k % 2 else a for k, a in enumerate(field.subtract(below, above)[::2])]
+    return field.reflect(field.subtract(below, above)[::2])
 
 
-def e_polynomial(method: MethodOrFunction) -> tuple[Any, ...]:
+def e_polynomial(method: MethodOrFunction) -> tuple[Entry, ...]:
     """E-polynomial |Q(iy)|² − |P(iy)|² of the stability function P/Q with Q(0) = 1.
 
     It is nonnegative if and only if |R(iy)| ≤ 1 for all real y.
@@ -134,9 +137,9 @@ def is_i_stable(method: MethodOrFunction) -> bool | None:
     return field.first_crossing(stability_gap(R)) == math.inf if R.has_signs else None
 
 
-def stability_gap(R: StabilityFunction) -> list[Any]:
+def stability_gap(R: StabilityFunction) -> Coefficients:
     """The E-polynomial in y², which must be nonnegative; inexact coefficients at their upper bounds."""
-    return list(map(field.upper, squared_gap(R)))
+    return tuple(map(field.upper, squared_gap(R)))
 
 
 def is_a_stable(method: MethodOrFunction) -> bool | None:
@@ -237,11 +240,11 @@ def _is_stable_ray(R: StabilityFunction, tangent: Fraction) -> bool:
     cosines = [Fraction(1), (1 - tangent**2) / (1 + tangent**2)]
     while len(cosines) < size:
         cosines.append(2 * cosines[1] * cosines[-1] - cosines[-2])
-    gap: list[Any] = [Fraction(0)] * (2 * size - 1)
+    gap = [Fraction(0)] * (2 * size - 1)
     for j in range(size):
         for k in range(size):
             gap[j + k] = gap[j + k] + (-1) ** (j + k) * cosines[abs(j - k)] * (q[j] * q[k] - p[j] * p[k])
-    return field.first_crossing(gap) == math.inf
+    return field.first_crossing(tuple(gap)) == math.inf
 
 
 def linear_order(method: MethodOrFunction) -> int:
@@ -256,11 +259,11 @@ def linear_order(method: MethodOrFunction) -> int:
     """
     R = function_of(method)
     size = len(R.p) + len(R.q)  # the order of approximation to exp is at most deg P + deg Q
-    pairs = zip_longest(islice(_times_exponential(R.q, 1), size), R.p, fillvalue=0)
+    pairs = zip_longest(islice(_times_exponential(R.q, 1), size), R.p, fillvalue=Fraction(0))
     return next((k - 1 for k, (a, b) in enumerate(pairs) if a - b), size - 2)
 
 
-def _times_exponential(p: Sequence[Any], rate: int) -> Iterator[Any]:
+def _times_exponential(p: Coefficients, rate: int) -> Iterator[Element]:
     """Power series of p(z) exp(rate · z)."""
     for m in count():
         yield sum((a * Fraction(rate ** (m - k), math.factorial(m - k)) for k, a in enumerate(p[: m + 1])), Fraction(0))
@@ -298,21 +301,21 @@ def dissipation_order(method: MethodOrFunction) -> int | None:
     return next((2 * k - 1 for k, a in enumerate(squared_gap(function_of(method))) if a), None)
 
 
-def characteristic(matrix: Rows) -> list[Any]:
+def characteristic(matrix: Sequence[Sequence[Any]]) -> Coefficients:
     """Coefficients of det(I + rA), ascending."""
     if not all(map(field.is_rational, matrix)):
-        return [determinant for determinant, _ in adjugate_terms(matrix)]
-    return list(field.reflect(list(map(from_flint, reversed(to_flint_matrix(matrix).charpoly().coeffs())))))
+        return tuple(determinant for determinant, _ in adjugate_terms(matrix))
+    return field.reflect(list(map(from_flint, reversed(to_flint_matrix(matrix).charpoly().coeffs()))))
 
 
-def adjugate_terms(matrix: Rows) -> Iterator[tuple[Any, list[list[Any]]]]:
+def adjugate_terms(matrix: Rows) -> Iterator[tuple[Element, Rows]]:
     """Coefficients of r^k, k = 0 … s, in det(I + rA) and in the adjugate C(r) of I + rA (Faddeev–Le Verrier).
 
     (I + rA) C = d I gives C_k = d_k I − A C_{k−1} and k d_k = tr(A C_{k−1}).
     """
     size = len(matrix)
     sparse = [[(j, a) for j, a in enumerate(row) if a] for row in matrix]
-    determinant: Any = Fraction(1)
+    determinant = Fraction(1)
     product = [[Fraction(0)] * size for _ in range(size)]
     for k in range(size + 1):
         if k:
@@ -359,7 +362,7 @@ def is_algebraically_stable(method: RungeKutta | str) -> bool | None:
     return _is_semidefinite(gram) and _is_semidefinite(gap)
 
 
-def _is_semidefinite(matrix: Sequence[Sequence[Any]]) -> bool:
+def _is_semidefinite(matrix: Rows) -> bool:
     """Whether a symmetric matrix has eigenvalues ≥ 0 only: whether all their elementary symmetric functions are ≥ 0.
 
     The errors of the entries of each row are added to its diagonal entry, which bounds their effect on the eigenvalues
@@ -412,7 +415,7 @@ def ssp_coefficient(method: RungeKutta | str) -> Fraction | float | None:
     return _first(_numerators([elements[k : k + size] for k in range(0, len(elements), size)]), exact=exact)
 
 
-def _numerators(rows: Sequence[Sequence[Any]]) -> Iterator[Coefficients]:
+def _numerators(rows: Rows) -> Iterator[Coefficients]:
     """Polynomials in r that must be nonnegative: det(I + rA), and the numerators of the conditions over it.
 
     With C the adjugate of I + rA the numerators are the entries of A C, b C and C 1, and det(I + rA) − r b C 1.

@@ -17,7 +17,7 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from functools import reduce
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 
 from bseries.exact.domains import NumberField
 from bseries.exact.number_fields import NoNumberFieldError, domain_of, enclosure
@@ -53,6 +53,21 @@ MOST_DENOMINATOR = 10**6
 """Rational roots with denominators up to this are recognised, and then verified."""
 BITS = 128
 """Accuracy of roots."""
+
+
+class Element(Protocol):
+    """What an element is used for here; results of operations are elements of the same field."""
+
+    def __bool__(self) -> bool: ...
+    def __neg__(self) -> Any: ...
+    def __add__(self, other: Any, /) -> Any: ...
+    def __sub__(self, other: Any, /) -> Any: ...
+    def __mul__(self, other: Any, /) -> Any: ...
+    def __truediv__(self, other: Any, /) -> Any: ...
+
+
+Vector: TypeAlias = Sequence[Element]
+Rows: TypeAlias = Sequence[Vector]
 
 
 def nearest_float(value: Any) -> float:
@@ -205,7 +220,7 @@ def sign(element: Fraction | RealAlgebraic) -> int:
     return (value > 0) - (value < 0) if element else 0
 
 
-def to_number_field(values: Sequence[Any]) -> list[Fraction | RealAlgebraic] | None:
+def to_number_field(values: Iterable[Any]) -> list[Fraction | RealAlgebraic] | None:
     """Algebraic numbers as elements of one field, rational ones as `Fraction`s; None if its degree may be too high."""
     import sympy
 
@@ -226,27 +241,27 @@ def real_algebraic(domain: Any, elements: Any) -> list[Fraction | RealAlgebraic]
     return [RealAlgebraic(field, p) if p.degree() > 0 else from_flint(p[0]) for p in residues]
 
 
-def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> list[Any]:
+def to_elements(values: Sequence[Any], precision: Fraction | float = 0) -> Coefficients:
     """Convert numbers or formulas to elements of one field; `precision` is the relative error of inexact numbers."""
     if precision:
-        return [Inexact.read(Fraction(x), Fraction(precision)) if x else Fraction(0) for x in values]
+        return tuple(Inexact.read(Fraction(x), Fraction(precision)) if x else Fraction(0) for x in values)
     if all(isinstance(value, Fraction) for value in values):
-        return list(values)
+        return tuple(values)
     import sympy
 
     formulas = [sympy.sympify(value, strict=True) for value in values]
     if not any(formula.free_symbols for formula in formulas):
         found = to_number_field(values)
         if found is not None:
-            return found
+            return tuple(found)
     else:
         domain: Any
         elements: Any
         domain, elements = sympy.construct_domain(formulas, field=True)
         # SymPy treats x and sqrt(x), or sqrt(2) and sqrt(3), as independent symbols.
         if domain.is_FractionField and all(x.is_Symbol for x in domain.symbols):
-            return list(elements)
-    return [sympy.EX(formula) for formula in formulas]
+            return tuple(elements)
+    return tuple(map(sympy.EX, formulas))
 
 
 def has_sign(element: object) -> bool:
@@ -259,14 +274,14 @@ def has_exact_zero_test(element: object) -> bool:
     return isinstance(element, Fraction) or hasattr(element, "field")
 
 
-def midpoint(element: Any) -> Any:
+def midpoint(element: Element) -> Any:
     """The value of an inexact number, or zero where it counts as zero; other elements unchanged."""
     if isinstance(element, Inexact):
         return from_flint(element.value) if element else Fraction(0)
     return element
 
 
-def upper(element: Any) -> Any:
+def upper(element: Element) -> Any:
     """Upper end of an inexact number, for tests of nonnegativity within the error; other elements unchanged."""
     return from_flint(element.value + element.error) if isinstance(element, Inexact) and element else midpoint(element)
 
@@ -282,41 +297,40 @@ def from_element(element: Any, *, floating: bool = False) -> Entry:
     return Fraction(int(formula.p), int(formula.q)) if isinstance(formula, sympy.Rational) else formula
 
 
-def stage_matrix(method: RungeKutta) -> tuple[list[list[Any]], list[Any], list[Any]]:
+def stage_matrix(method: RungeKutta) -> tuple[Sequence[Coefficients], Coefficients, Coefficients]:
     """Matrix A, linear form b and vector 1 that give b (I − zA)⁻¹ 1.
 
     For a method given by a stage algebra they refer to the polynomial basis 1, x, … and are rational.
     """
     algebra = method.algebra
     if algebra is not None:
-        ones = [Fraction(k == 0) for k in range(algebra.stages)]
-        return [list(row) for row in algebra.A], list(algebra.b), ones
+        return algebra.A, algebra.b, tuple(Fraction(k == 0) for k in range(algebra.stages))
     size = method.stages
     elements = to_elements([v for row in (*method.A, method.b) for v in row], method.precision)
     rows = [elements[k : k + size] for k in range(0, len(elements), size)]
-    return rows[:-1], rows[-1], [Fraction(1)] * size
+    return rows[:-1], rows[-1], (Fraction(1),) * size
 
 
-def dot(first: Sequence[Any], second: Sequence[Any]) -> Any:
+def dot(first: Vector, second: Vector) -> Any:
     """Scalar product."""
     return sum((a * b for a, b in zip(first, second, strict=True) if a and b), Fraction(0))
 
 
-def subtract(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
+def subtract(p: Iterable[Any], q: Iterable[Any]) -> Coefficients:
     """The difference p − q."""
     return add(tuple(p), scale(tuple(q), -1))
 
 
-def reflect(p: Sequence[Any]) -> Coefficients:
+def reflect(p: Vector) -> Coefficients:
     """The polynomial p(−x)."""
     return tuple(-a if k % 2 else a for k, a in enumerate(p))
 
 
-def monic_gcd(p: Sequence[Any], q: Sequence[Any]) -> Coefficients:
+def monic_gcd(p: Coefficients, q: Coefficients) -> Coefficients:
     """The monic greatest common divisor of two polynomials, not both zero, by Euclid's algorithm."""
     if is_rational((*p, *q)):
         return tuple(map(from_flint, _rational(p).gcd(_rational(q)).coeffs()))
-    last, rest = tuple(p), tuple(q)
+    last, rest = p, q
     while rest:
         rest = tuple(a / rest[-1] for a in rest)
         last, rest = rest, divide(last, rest)[1]
@@ -334,9 +348,9 @@ def _rational(p: Iterable[Fraction]) -> Any:
     return fmpq_poly(list(map(to_flint, p)))
 
 
-def squarefree_factors(p: Sequence[Any]) -> list[Coefficients]:
+def squarefree_factors(p: Coefficients) -> list[Coefficients]:
     """Square-free factors by multiplicity (Yun's algorithm): the k-th has the roots of p of multiplicity k."""
-    rest, other = tuple(p), derivative(tuple(p))
+    rest, other = p, derivative(p)
     factors = []
     while len(rest) > 1:
         factors.append(monic_gcd(rest, other))  # the first has the multiple roots
@@ -345,7 +359,7 @@ def squarefree_factors(p: Sequence[Any]) -> list[Coefficients]:
     return factors[1:]
 
 
-def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
+def roots(p: Coefficients, bits: int = BITS) -> list[acb]:
     """Disjoint enclosures of the roots of a square-free polynomial with p(0) ≠ 0, accurate to this number of bits.
 
     Those of real roots, and no others, have the imaginary part 0.
@@ -369,7 +383,7 @@ def roots(p: Sequence[Any], bits: int = BITS) -> list[acb]:
                 return [acb(a.real) if a is b else a for a, (b,) in zip(found, pairs, strict=True)]
 
 
-def first_crossing(p: Sequence[Any]) -> Fraction | float:
+def first_crossing(p: Coefficients) -> Fraction | float:
     """First x ≥ 0 beyond which p becomes negative."""
     p = trim(p[next((k for k, a in enumerate(p) if a), len(p)) :])
     signs = [sign(a) for a in p]

@@ -10,12 +10,13 @@ from numbers import Rational
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex
 
 from bseries.analysis.stability import field_elements as field
-from bseries.analysis.stability.field_elements import Coefficients, Inexact
+from bseries.analysis.stability.field_elements import Coefficients, Element, Inexact, Vector
 from bseries_base.diagrams import draw_region
+from bseries_base.errors import shorten
 from bseries_base.numbers import latex_number
 from bseries_base.plotting import BLACK, drawing
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.arguments import read_window
 from integrators.exact.entries import FLOAT_PRECISION, is_sympy, read_entry, round_entry, symbol_names
@@ -25,6 +26,7 @@ from integrators.exact.polynomials import divide, evaluate, from_flint, trim
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from integrators.exact.entries import Entry
 
@@ -68,7 +70,7 @@ class StabilityFunction(ImmutableValue):
     floating: bool
     digits: int | None
 
-    def __init__(self, numerator: Sequence[Any], denominator: Sequence[Any] = (1,)) -> None:
+    def __init__(self, numerator: Sequence[Entry | int | str], denominator: Sequence[Entry | int | str] = (1,)) -> None:
         above = [read_entry(value, f"numerator[{k}]") for k, value in enumerate(items(numerator, "numerator"))]
         below = [read_entry(value, f"denominator[{k}]") for k, value in enumerate(items(denominator, "denominator"))]
         entries = [*above, *below]
@@ -83,13 +85,13 @@ class StabilityFunction(ImmutableValue):
         self._set(p, q, floating=floating, digits=None)
 
     @classmethod
-    def from_elements(cls, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> Self:
+    def from_elements(cls, p: Vector, q: Vector, *, floating: bool, digits: int | None) -> Self:
         """Construct the function from coefficients in one field (see `field_elements`)."""
         function = cls.__new__(cls)
         function._set(p, q, floating=floating, digits=digits)
         return function
 
-    def _set(self, p: Sequence[Any], q: Sequence[Any], *, floating: bool, digits: int | None) -> None:
+    def _set(self, p: Vector, q: Vector, *, floating: bool, digits: int | None) -> None:
         p, q = trim(p), trim(q)
         if p and all(map(field.has_exact_zero_test, (*p, *q))):
             common = field.monic_gcd(p, q)
@@ -182,7 +184,7 @@ class StabilityFunction(ImmutableValue):
             )
         return self._in_floats(z)
 
-    def _in_floats(self, z: Any) -> Any:
+    def _in_floats(self, z: ArrayLike) -> complex | np.ndarray:
         """Values at a number or an array of numbers; in powers of 1/z for |z| > 1, to avoid overflow."""
         import numpy as np
         from numpy.polynomial.polynomial import polyval
@@ -297,16 +299,16 @@ def _ends(line: np.ndarray, inside: Any) -> tuple[float, float]:
     return max(min(found) - space, grid[0]), min(max(found) + space, grid[-1])
 
 
-def polynomial_text(p: Sequence[Any], *, latex: bool = False) -> str:
+def polynomial_text(p: Vector, *, latex: bool = False) -> str:
     """The nonzero terms of a polynomial as text or LaTeX, in ascending powers of z."""
     terms = [_term(a, k, latex) for k, a in enumerate(p) if a]
     return " + ".join(terms).replace("+ -", "- ") or "0"
 
 
-def _term(a: Any, k: int, latex: bool) -> str:
+def _term(a: Element, k: int, latex: bool) -> str:
     """A nonzero coefficient times a power of z."""
     power = "" if not k else "z" if k == 1 else f"z^{{{k}}}" if latex else f"z^{k}"
-    value: Any = a if isinstance(a, Inexact) else field.from_element(a)
+    value = a if isinstance(a, Inexact) else field.from_element(a)
     below = ""
     if isinstance(value, Inexact):
         number, _, exponent = value.text.partition("e")

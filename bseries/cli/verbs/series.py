@@ -14,8 +14,8 @@ from bseries_base.table import Table
 
 if TYPE_CHECKING:
     from bseries.algebra.bseries import BSeries
+    from bseries_base.child_bounds import ChildBounds
     from integrators import Method
-    from integrators.methods.programs.program import ChildBounds
 
 
 takes_series_options = adds(

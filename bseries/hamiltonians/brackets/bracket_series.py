@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import accumulate
 from operator import itemgetter
@@ -24,7 +24,7 @@ Bracket = tuple[str, ...]  # the names in a right-nested bracket: ("T", "T", "U"
 BRACES, COMMUTATORS = "{}", "[]"
 
 
-class BracketSeries(Mapping[Bracket, Any]):
+class BracketSeries(Mapping[Bracket, "Coefficient"]):
     """Sum of nested brackets of the parts of a Hamiltonian; brackets with n letters have the factor h^(n−1).
 
     As a mapping it contains a basis of all brackets up to the order, with exact coefficients; ``s["{T,{T,U}}"]`` and
@@ -72,7 +72,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         """Largest number of letters."""
         return len(self._terms)
 
-    def term(self, k: int) -> dict[Bracket, Any]:
+    def term(self, k: int) -> dict[Bracket, Coefficient]:
         """The brackets with the factor h^k and nonzero coefficients.
 
         Raises:
@@ -82,7 +82,7 @@ class BracketSeries(Mapping[Bracket, Any]):
         return {word: value for word, value in self._terms[k].items() if value}
 
     @cached_property
-    def _values(self) -> dict[Bracket, Any]:
+    def _values(self) -> dict[Bracket, Coefficient]:
         return {word: value for term in self._terms for word, value in term.items()}
 
     @cached_property
@@ -95,17 +95,17 @@ class BracketSeries(Mapping[Bracket, Any]):
             return "".join(f"{left}{name}," for name in word[:-1]) + word[-1] + right * (len(word) - 1)
         return lyndon_text(word, (left, right), self.parts)
 
-    def _word(self, bracket: object) -> Any:
-        return self._words.get(bracket.replace(" ", "")) if isinstance(bracket, str) else bracket
+    def _word(self, bracket: Bracket | str) -> Bracket:
+        return self._words.get(bracket.replace(" ", ""), ()) if isinstance(bracket, str) else bracket
 
-    def __getitem__(self, bracket: Bracket | str) -> Any:
+    def __getitem__(self, bracket: Bracket | str) -> Coefficient:
         if bracket not in self:
             last = next(reversed(self._words))
             raise SeriesError(f"bracket must be one of the basis, such as {last:.60}, but was {bracket!s:.60}")
         return self._values[self._word(bracket)]
 
     def __contains__(self, bracket: object) -> bool:
-        return self._word(bracket) in self._values
+        return isinstance(bracket, str | tuple) and self._word(bracket) in self._values
 
     def get(self, bracket: Any, default: Any = None) -> Any:
         """The coefficient of a bracket, or `default` if the bracket is not in the basis."""
@@ -226,7 +226,7 @@ def lyndon_text(word: Sequence[str], fences: Sequence[str], letters: Sequence[st
     return f"{fences[0]}{left},{right}{fences[1]}"
 
 
-def _sum(terms: Any) -> str:
+def _sum(terms: Iterable[tuple[str, str]]) -> str:
     """A sum of numbers times brackets, as text."""
     text = ""
     for number, bracket in terms:

@@ -11,8 +11,8 @@ Nyström systems. Their modified equation is tested for being a sum of brackets.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
@@ -22,8 +22,8 @@ from bseries.analysis.order import field_elements, field_of, trusted
 from bseries.analysis.structure import SEPARABLE, failing
 from bseries.exact.domains import exact_number
 from bseries.exceptions import SeriesError
-from bseries.hamiltonians.brackets.bracket_series import COMMUTATORS, BracketSeries
-from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, lie_algebra
+from bseries.hamiltonians.brackets.bracket_series import BRACES, COMMUTATORS, BracketSeries
+from bseries.hamiltonians.brackets.lie_algebra import LieAlgebra, Number, RingElement, lie_algebra
 from bseries.hamiltonians.brackets.lyndon_basis import MOST_LETTERS, bch_terms
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.kinds.splitting import Splitting
@@ -33,6 +33,13 @@ from trees.counting import check_order, normal_limits
 from trees.lyndon_words import count_lyndon_words
 from trees.table import tree_table
 from trees.words import Words
+
+if TYPE_CHECKING:
+    from bseries.exact.domains import Coefficient
+
+
+FieldElements: TypeAlias = tuple[list[RingElement], Number, Callable[[RingElement], "Coefficient"]]
+"""See `field_elements`."""
 
 
 def bracket_hamiltonian(
@@ -133,7 +140,7 @@ def bch(
     return BracketSeries(names, terms, label=label, fences=COMMUTATORS, basis=basis)
 
 
-def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown: Any) -> BracketSeries:
+def in_brackets(method: Method, order: int | None, kinetic: int | None, *, fences: str = BRACES) -> BracketSeries:
     """The modified Hamiltonian of a method, with the quadratic part `kinetic`.
 
     Its trees distinguish the brackets of the parts: words, or those of separable or Nyström systems.
@@ -149,7 +156,7 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
     own = method.max_children
     if kinetic is not None:
         # One quadratic part T(p), and other parts that depend on q.
-        bounds: Any = [
+        bounds = [
             [*(int(other != kinetic) for other in range(colors)), 1]
             if color == kinetic
             else [*(None if other == kinetic else 0 for other in range(colors)), None]
@@ -157,7 +164,7 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
         ]
     elif is_chain(method):
         words = series(trusted(method), Words(order, colors))
-        return _in_brackets(words.log(), method.names, method.name, **shown)
+        return _in_brackets(words.log(), method.names, method.name, fences=fences)
     elif own is not None:
         raise SeriesError(f"quadratic_kinetic must not be False for {method.name}, which is made for quadratic T")
     elif colors == 2:
@@ -165,7 +172,7 @@ def in_brackets(method: Method, order: int | None, kinetic: int | None, **shown:
     else:
         raise SeriesError(f"method must be made of flows where it has {colors} parts, but {method.name} is not")
     field = field_of(series(trusted(method), tree_table(order, colors, bounds)), None)
-    return _in_brackets(field, method.names, method.name, kinetic, **shown)
+    return _in_brackets(field, method.names, method.name, kinetic, fences=fences)
 
 
 def check_parts(names: Sequence[str], label: str) -> None:
@@ -175,7 +182,7 @@ def check_parts(names: Sequence[str], label: str) -> None:
 
 
 def _in_brackets(
-    field: Series, names: Sequence[str], label: str, kinetic: int | None = None, **shown: Any
+    field: Series, names: Sequence[str], label: str, kinetic: int | None = None, *, fences: str = BRACES
 ) -> BracketSeries:
     """A field as a sum of brackets."""
     parts = shown_names(names)
@@ -197,14 +204,14 @@ def _in_brackets(
         domain=field.domain,
         digits=field.digits,
         errors=errors,
-        **shown,
+        fences=fences,
     )
 
 
 def _coordinates(
-    algebra: LieAlgebra, degree: int, elements: tuple[list[Any], Any, Any], changes: list[list[float]] | None,
+    algebra: LieAlgebra, degree: int, elements: FieldElements, changes: list[list[float]] | None,
     names: Sequence[str], label: str,
-) -> tuple[list[Any], list[float]]:  # fmt: skip
+) -> tuple[list[Coefficient], list[float]]:  # fmt: skip
     """The coordinates of the term of a degree, 0 within the uncertainty, and their uncertainties.
 
     `changes` are those of the field with each entry of a method in decimals; the coordinates depend linearly on it.
@@ -235,7 +242,7 @@ def is_chain(method: Method) -> bool:
     return isinstance(inputs_of(method, 1), FlowChain)
 
 
-def kinetic_of(bounds: Any, colors: int) -> int | None:
+def kinetic_of(bounds: Sequence[Sequence[int | None]] | None, colors: int) -> int | None:
     """The part T if the bounds on children are those of fields with quadratic T; None otherwise."""
     limits = normal_limits(colors, bounds)
     for color, row in enumerate(limits):
@@ -246,7 +253,7 @@ def kinetic_of(bounds: Any, colors: int) -> int | None:
     return None
 
 
-def read_kinetic(given: Any, names: Sequence[str]) -> int | None:
+def read_kinetic(given: bool | str, names: Sequence[str]) -> int | None:
     """Read the option `quadratic_kinetic`; returns the colour of T or None."""
     shown = shown_names(names)
     if given is True and len(names) == 2:

@@ -13,11 +13,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cache, lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 from trees.basis import Basis
 from trees.lyndon_words import lyndon_words
 from trees.words import Words
+
+RingElement: TypeAlias = Any
+"""A coefficient: an int, float or Fraction, or an element of a SymPy domain, whose classes differ by domain."""
+Number: TypeAlias = Callable[[Fraction], RingElement]
+"""Makes an element of the ring of coefficients."""
 
 Word = tuple[int, ...]  # the letters of a right-nested bracket: (0, 0, 1) stands for {0,{0,1}}
 
@@ -44,13 +49,13 @@ class Span:
                 self._rows.append((pivot, {key: x / vector[pivot] for key, x in vector.items()}))
                 self.words.append(word)
 
-    def coordinates(self, vector: dict[int, Any], number: Callable[[Fraction], Any]) -> list[Any]:
+    def coordinates(self, vector: dict[int, RingElement], number: Number) -> list[RingElement]:
         """The coordinates of an element with given coefficients by tree; `vector` becomes the remainder."""
         self._eliminate(vector, number)
         zero = number(Fraction(0))
         return [-vector.pop(-1 - k, zero) for k in range(len(self.words))]
 
-    def _eliminate(self, vector: dict[int, Any], number: Callable[[Fraction], Any]) -> None:
+    def _eliminate(self, vector: dict[int, RingElement], number: Number) -> None:
         for pivot, row in self._rows:
             factor = vector.get(pivot)
             if not factor:
@@ -88,11 +93,11 @@ class LieAlgebra:
         return sorted((word for span, _ in self._spans(degree) for word in span.words), key=_listing_order)
 
     def coordinates(
-        self, degree: int, values: Sequence[Any], number: Callable[[Fraction], Any]
-    ) -> tuple[list[Any], dict[int, Any]]:
+        self, degree: int, values: Sequence[RingElement], number: Number
+    ) -> tuple[list[RingElement], dict[int, RingElement]]:
         """The coordinates in `brackets` of one term of a field, and the remainder outside the span, by tree."""
-        found: dict[Word, Any] = {}
-        rest: dict[int, Any] = {}
+        found: dict[Word, RingElement] = {}
+        rest: dict[int, RingElement] = {}
         for span, trees in self._spans(degree):
             vector = {tree: values[tree] for tree in trees}
             found.update(zip(span.words, span.coordinates(vector, number), strict=True))
@@ -165,13 +170,9 @@ def _is_preferred(word: Word) -> bool:
 
 def _arrangements(content: Sequence[int]) -> Iterator[Word]:
     """All words with given numbers of letters."""
-    if not any(content):
-        yield ()
-    for letter, count in enumerate(content):
-        if count:
-            rest = (*content[:letter], count - 1, *content[letter + 1 :])
-            for word in _arrangements(rest):
-                yield (letter, *word)
+    from sympy.utilities.iterables import multiset_permutations
+
+    return map(tuple, multiset_permutations([letter for letter, count in enumerate(content) for _ in range(count)]))
 
 
 def _cuts(basis: Basis[Any]) -> list[tuple[tuple[int, int], list[tuple[int, int]]]]:

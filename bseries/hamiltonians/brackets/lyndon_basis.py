@@ -16,11 +16,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from itertools import accumulate
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from bseries.exact.denominators import primes_up_to
 from bseries_base.kernels import kernel
 from trees.lyndon_words import count_lyndon_words
+
+if TYPE_CHECKING:
+    import flint
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array: TypeAlias = NDArray[np.integer]
+
+Blocks: TypeAlias = tuple[int, ...]
+"""The lengths of the blocks of equal letters in a word."""
 
 MOST_LETTERS = 20  # of these words, 111,013 are Lyndon words; each further letter takes five times as long
 PRIME = 2**31 - 1  # checks the results modulo 2^64
@@ -89,7 +99,7 @@ def _applied(
     return found, denominator
 
 
-def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:
+def goldberg_coefficients(n: int) -> Iterator[tuple[Blocks, Fraction]]:
     """Coefficients of the words A…B of n letters in log(exp A exp B), by the lengths of their blocks of equal letters.
 
     A word of m blocks of lengths s_i, m even, has ∫₀¹ t^(m/2) (t−1)^(m/2−1) Π G_(s_i)(t) dt with the polynomials
@@ -102,7 +112,7 @@ def goldberg_coefficients(n: int) -> Iterator[tuple[tuple[int, ...], Fraction]]:
     for s in range(2, n + 1):
         polynomials.append((t * (t - 1) * polynomials[-1]).derivative() / s)
 
-    def extended(blocks: tuple[int, ...], product: Any, rest: int) -> Iterator[Any]:
+    def extended(blocks: tuple[int, ...], product: flint.fmpq_poly, rest: int) -> Iterator[tuple[Blocks, Fraction]]:
         """All continuations by blocks no longer than the last, first some longer than 1, then some of length 1."""
         m = len(blocks) + rest
         if m % 2 == 0:
@@ -152,7 +162,7 @@ def odd_coordinates(words: LyndonWords, n: int) -> tuple[list[int], int]:
     return found.tolist(), denominator
 
 
-def heinz_numbers(codes: Any, n: int, primes: Any) -> Any:
+def heinz_numbers(codes: Array, n: int, primes: Array) -> Array:
     """The product of primes[s] over the blocks of s equal letters of each word, which identifies their lengths."""
     import numpy as np
 
@@ -163,7 +173,7 @@ def heinz_numbers(codes: Any, n: int, primes: Any) -> Any:
     return product * primes[block]
 
 
-def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
+def _solve_class(words: LyndonWords, members: Array, n: int, wanted: Array) -> Array:
     """The numerators of the coordinates of the Lyndon words with given numbers of letters."""
     import numpy as np
 
@@ -172,7 +182,7 @@ def _solve_class(words: LyndonWords, members: Any, n: int, wanted: Any) -> Any:
     mark_needed.compiled(members, n, lengths, left, right, needed)
     numbers = needed.cumsum(dtype=np.int32).reshape(needed.shape) - np.int32(1)
 
-    def operands(of: Any, start: Any) -> Any:
+    def operands(of: Array, start: Array) -> Array:
         """The four numbers from which ⟨P_b, x[start:]⟩ follows."""
         u, v = left[of], right[of]
         four = (u, start), (v, start + lengths[u]), (u, start + lengths[v]), (v, start)

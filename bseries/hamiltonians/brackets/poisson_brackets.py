@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import chain
-from typing import Any, cast
+from typing import cast
 
 import sympy
 
@@ -28,13 +28,13 @@ from bseries.hamiltonians.brackets.campbell_hausdorff import (
 )
 from integrators.methods.programs.program import Method
 from integrators.scenes.particles.expansion import flat_hamiltonian, hamiltonian_field
-from integrators.scenes.particles.parts import Piece, check_kind, degrees, pieces_of
+from integrators.scenes.particles.parts import Parts, Piece, check_kind, degrees, pieces_of
 from integrators.scenes.scene import Scene
 
 MOST_SIMPLIFIED = 2000  # formulas with more monomials are not simplified: it would take longer than computing them
 
 
-def bracket_terms(method: Method, scene: Scene, order: int, parts: Any = None) -> tuple[sympy.Expr, ...]:
+def bracket_terms(method: Method, scene: Scene, order: int, parts: Parts | None = None) -> tuple[sympy.Expr, ...]:
     """The modified Hamiltonian of a splitting method on a scene, by power of h; see `bracket_hamiltonian`."""
     check_parts(method.names, method.name)
     pieces = pieces_of(method.names, scene, parts)
@@ -100,7 +100,8 @@ def _evaluated(brackets: BracketSeries, scene: Scene, energies: Mapping[str, sym
         terms = brackets.term(k).items()
         if k == 0 and all(x == 1 for _, x in terms):
             return sympy.Add(*energies.values())  # without expansion
-        element = ring.dot((x if isinstance(x, Fraction) else ring.element(x), nested(word)) for word, x in terms)
+        weights = (x if isinstance(x, Fraction) else ring.element(sympy.sympify(x, strict=True)) for _, x in terms)
+        element = ring.dot(zip(weights, map(nested, brackets.term(k)), strict=True))
         return ring.to_expression(element, simplify=element.size <= MOST_SIMPLIFIED)
 
     return tuple(map(term, range(brackets.order)))

@@ -7,10 +7,9 @@ The first weights of a pair advance the solution, the embedded weights estimate 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from integrators.core.errors import IntegratorError
-from integrators.exact.entries import cancels
+from integrators.exact.entries import Entry, cancels
 from integrators.methods.catalogue.registry import MethodEntry, lower_rows
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
@@ -37,7 +36,7 @@ def explicit_entry(
     return MethodEntry(name, kind, stages, order, description, reference, build, aliases, title=title)
 
 
-def _two_stages(*, name: str, reference: str, alpha: Any) -> RungeKutta:
+def _two_stages(*, name: str, reference: str, alpha: Entry) -> RungeKutta:
     """Σ b_i = 1 and Σ b_i c_i = 1/2 with c = (0, α)."""
     if cancels([alpha], 0):
         raise IntegratorError(f"parameter alpha of explicit2 must not be 0, but was {alpha}")
@@ -45,7 +44,7 @@ def _two_stages(*, name: str, reference: str, alpha: Any) -> RungeKutta:
     return RungeKutta([[0, 0], [alpha, 0]], [1 - last, last], name=name, reference=reference)
 
 
-def _three_stages(*, name: str, reference: str, c2: Any, c3: Any) -> RungeKutta:
+def _three_stages(*, name: str, reference: str, c2: Entry, c3: Entry) -> RungeKutta:
     """Solve Σ b_i c_i^(k−1) = 1/k, k = 1, 2, 3, for b and b_3 a_32 c_2 = 1/6 for a_32, with c = (0, c2, c3)."""
     # The last case is b_3 = 0, for which a_32 is free or does not exist.
     if any(cancels(terms, 0) for terms in ([c2], [c3], [c2, -c3], [3 * c2, -2])):

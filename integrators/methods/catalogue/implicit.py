@@ -15,14 +15,13 @@ Three constructions give all families (Hairer & Wanner, Solving Ordinary Differe
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
 from math import comb
-from typing import Any
 
 from integrators.core.errors import IntegratorError
-from integrators.exact.entries import cancels
+from integrators.exact.entries import Entry, cancels
 from integrators.exact.polynomials import Matrix, Polynomial, add, matrix_rows, scale, to_flint_matrix
 from integrators.methods.catalogue.registry import MethodEntry
 from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -155,7 +154,13 @@ _CROUZEIX4_WEIGHTS = ["1/(8*cos(pi/18)^2)", "1 - 1/(4*cos(pi/18)^2)", "1/(8*cos(
 
 
 def _entry(
-    name: str, order: int, A: Any, b: Any, *texts: str, aliases: tuple[str, ...] = (), title: str = ""
+    name: str,
+    order: int,
+    A: Sequence[Sequence[object]],
+    b: Sequence[object],
+    *texts: str,
+    aliases: tuple[str, ...] = (),
+    title: str = "",
 ) -> MethodEntry:
     """Entry of a diagonally implicit method from its tableau, description and reference."""
     description, reference = texts
@@ -163,12 +168,12 @@ def _entry(
     return MethodEntry(name, "diagonally implicit", len(A), order, description, reference, build, aliases, title=title)
 
 
-def _sdirk2(*, name: str, reference: str, gamma: Any) -> RungeKutta:
+def _sdirk2(*, name: str, reference: str, gamma: Entry) -> RungeKutta:
     """Nodes γ and 1−γ with equal weights: order 2 for every γ, and order 3 if γ² − γ + 1/6 = 0."""
     return RungeKutta([[gamma, 0], [1 - 2 * gamma, gamma]], [HALF, HALF], name=name, reference=reference)
 
 
-def _sdirk2_general(*, name: str, reference: str, gamma: Any, c2: Any) -> RungeKutta:
+def _sdirk2_general(*, name: str, reference: str, gamma: Entry, c2: Entry) -> RungeKutta:
     """Nodes γ and c2; the weights follow from Σ b_i = 1 and Σ b_i c_i = 1/2."""
     if cancels([gamma, -c2], 0):
         raise IntegratorError(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from bseries_base.errors import similar
 from bseries_base.table import Column, Table, Tabular, listed
@@ -108,7 +108,7 @@ class MethodCatalogue(Tabular, tuple["MethodEntry", ...]):
 
     def to_table(self) -> Table:
         """Names, stages, orders and descriptions; records have sources too."""
-        fields: dict[str, Any] = {field: attrgetter(field) for field in METHOD_FIELDS}
+        fields: dict[str, Callable[[MethodEntry], object]] = {field: attrgetter(field) for field in METHOD_FIELDS}
         fields |= {"name": _shown_name, "stages": lambda entry: entry.stages or "s"}
         methods = [{field: get(entry) for field, get in fields.items()} for entry in self]
         columns = (

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from integrators.exact.entries import Entry
 from integrators.methods.catalogue.registry import MethodEntry, lower_rows
 from integrators.methods.kinds.extended_runge_kutta import Rosenbrock, WMethod
 
@@ -29,7 +30,7 @@ def _transformed(
     return partial(Rosenbrock.from_transformed, *matrices, weights.split(), gamma, digits=digits)
 
 
-def _ros2(kind: type[Rosenbrock], *, gamma: Any, **labels: Any) -> Rosenbrock:
+def _ros2(kind: type[Rosenbrock], *, gamma: Entry, **labels: Any) -> Rosenbrock:
     return kind([[0, 0], [1, 0]], [[gamma, 0], [-2 * gamma, gamma]], ["1/2", "1/2"], **labels)
 
 

@@ -14,8 +14,9 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, NamedTuple, NoReturn
 
+from bseries_base.errors import shorten
 from bseries_base.syntax_trees import syntax_tree
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 
 MOST_CHARACTERS = 1_000_000
 MOST_BRACKETS = 20

@@ -13,8 +13,9 @@ from functools import partial
 from sys import float_info
 from typing import Any, NamedTuple, TypeAlias
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import as_lists
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.entries import Entry, is_sympy, multiply_entries, read_entry, round_entry, sum_entries
 from integrators.exact.expressions import decimal_text, format_number

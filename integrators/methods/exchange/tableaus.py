@@ -9,9 +9,10 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from bseries_base.errors import shown
 from bseries_base.extras import loaded_module
 from integrators.core.arguments import as_lists
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method

@@ -8,14 +8,15 @@ from functools import reduce
 from math import prod
 from typing import NamedTuple
 
+from bseries_base.child_bounds import ChildBounds
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import is_listed, items, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import entries
 from integrators.exact.entries import Entry
 from integrators.methods.kinds.splitting import NystromSplitting, Splitting
 from integrators.methods.programs.evaluations import Evaluation, LinearForm
 from integrators.methods.programs.program import (
-    ChildBounds,
     Method,
     Program,
     RepeatedProgram,

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Self, Unpack
 
+from bseries_base.errors import shown
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, EntryRow, Matrix, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs import builder as read
 from integrators.methods.programs.builder import Labels, ProgramBuilder, ProgramMethod
@@ -237,7 +238,7 @@ class LawsonMethod(ProgramMethod):
         known: dict[tuple[LinearForm, Entry], LinearForm] = {}
         k: list[LinearForm] = []
 
-        def flow(at: LinearForm, time: Any) -> LinearForm:
+        def flow(at: LinearForm, time: Entry) -> LinearForm:
             """exp(time·hL) at."""
             if time == 0:
                 return at
@@ -307,7 +308,7 @@ class Rosenbrock(ProgramMethod):
         return coefficients
 
     @classmethod
-    def from_transformed(cls, a: Any, c: Any, m: Any, gamma: Any, **labels: Any) -> Self:
+    def from_transformed(cls, a: object, c: object, m: object, gamma: object, **labels: Any) -> Self:
         """The method from the transformed coefficients of implementations that avoid products with the Jacobian.
 
         With u_i = Σ_j γ_ij k_j, and γ_ii = γ, the stages are
@@ -391,7 +392,7 @@ class WMethod(Rosenbrock):
     max_children = (None, None, None), (1, 1, 1)  # W y is linear
 
 
-def _check_triangular(coefficients: Mapping[str, Any], key: str, *, strictly: bool) -> None:
+def _check_triangular(coefficients: Mapping[str, Matrix], key: str, *, strictly: bool) -> None:
     """Refuse nonzero entries above the diagonal, or on and above it if `strictly`."""
     for i, row in enumerate(coefficients[key]):
         for j in range(i + (not strictly), len(row)):
@@ -400,7 +401,7 @@ def _check_triangular(coefficients: Mapping[str, Any], key: str, *, strictly: bo
                 raise IntegratorError(f"{key} must be {shape}, but {key}[{i + 1}][{j + 1}] was {row[j]!s:.60}")
 
 
-def _row_times(row: Sequence[object], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
+def _row_times(row: Sequence[Entry], matrix: Sequence[Sequence[Entry]]) -> list[Entry]:
     """A row vector times a matrix; entries beyond the last row of the matrix are ignored."""
     columns = zip(*matrix, strict=True)
     return [sum_entries(multiply_entries(x, y) for x, y in zip(row, column, strict=False)) for column in columns]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Unpack
 
-from integrators.core.errors import IntegratorError, shown
+from bseries_base.errors import shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, EntryRow, Matrix, read_entry
 from integrators.methods.programs import builder as read
 from integrators.methods.programs.builder import SECOND_ORDER, Labels, ProgramBuilder, ProgramMethod

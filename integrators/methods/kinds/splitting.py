@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from operator import itemgetter
-from typing import Any, Unpack
+from typing import Unpack
 
+from bseries_base.errors import shown
 from bseries_base.numbers import number_text
-from bseries_base.table import Column, Table, as_text
+from bseries_base.table import Column, Document, Table, as_text
 from integrators.core.arguments import is_listed, items
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, digits_of, read_entry, sum_entries
 from integrators.methods.programs.builder import (
     SECOND_ORDER,
@@ -84,7 +85,7 @@ class Splitting(ProgramMethod):
 
     __str__ = as_text
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The method as plain data."""
         flows = [{"part": part, "coefficient": number_text(x, self.digits)} for part, x in self.flows]
         return {"schema": 1, "kind": "method", "name": self.name, "flows": flows}

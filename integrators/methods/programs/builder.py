@@ -8,8 +8,10 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, TypedDict
 
+from bseries_base.child_bounds import ChildBounds
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import check_digits, check_partition_names, items, read_labels, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import EntryRow, Matrix, read_entry
 from integrators.methods.programs.evaluations import (
     Average,
@@ -20,7 +22,7 @@ from integrators.methods.programs.evaluations import (
     LinearForm,
     check_form,
 )
-from integrators.methods.programs.program import MAX_STAGES, ChildBounds, Method, Program
+from integrators.methods.programs.program import MAX_STAGES, Method, Program
 
 
 class ProgramBuilder:
@@ -135,10 +137,11 @@ class ProgramBuilder:
             >>> builder.program(at + builder.flow(at, "L"), name="lawson", max_children=[[1, 1, 1], [None, None]])
             <Program lawson: 2 evaluations, max_children=((1, 1, 1), (None, None))>
         """
+        evaluations = []
         for e, evaluation in enumerate(self._evaluations, 1):
             if evaluation is None:
                 raise IntegratorError(f"evaluations must all be defined, but k{e} is not")
-        evaluations: Any = tuple(self._evaluations)
+            evaluations.append(evaluation)
         return Program(
             evaluations, self._form(result, "result", start=1), parts=self._parts, auxiliary=self._auxiliary,
             name=name, reference=reference, digits=digits, max_children=max_children,

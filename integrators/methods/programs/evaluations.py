@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from integrators.core.errors import IntegratorError, shorten, shown
+from bseries_base.errors import shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.exact.expressions import format_number

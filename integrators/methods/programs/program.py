@@ -12,13 +12,14 @@ from fractions import Fraction
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from itertools import zip_longest
-from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
-from bseries_base.plotting import drawing, fit_picture, in_centimetres
-from bseries_base.table import Column, Table, as_html
-from integrators.core.arguments import as_lists, check_digits, is_listed, read_labels
-from integrators.core.errors import IntegratorError, shorten, shown
+from bseries_base.child_bounds import ChildBounds, read_child_bounds
+from bseries_base.errors import shorten
+from bseries_base.plotting import Style, drawing, fit_picture, in_centimetres
+from bseries_base.table import Column, Document, Table, as_html
+from integrators.core.arguments import check_digits, read_labels
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
 from integrators.exact.entries import Entry, multiply_entries, round_entry
@@ -75,7 +76,7 @@ class Method(ImmutableValue):
         lines = [(line,) for line in program_text(self.program).splitlines()]
         return Table(self.name, [Column("step")], lines, self.remarks, data=self.to_dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The method as plain data."""
         return {"schema": 1, "kind": "method", "name": self.name, "program": program_text(self.program).splitlines()}
 
@@ -100,7 +101,7 @@ class Method(ImmutableValue):
         font, gap, aspect, leading = 9.0, 7.0, 0.602, 1.35
         size = font * aspect * max(map(len, lines)) + 2 * gap, font * leading * len(lines) + 2 * gap
         with drawing(ax, IntegratorError, in_centimetres(size), frame=False) as axes:
-            style: Any = {"family": "monospace", "linespacing": leading / 1.2, "parse_math": False}
+            style: Style = {"family": "monospace", "linespacing": leading / 1.2, "parse_math": False}
             axes.text(gap, gap, text, va="top", fontsize=font * fit_picture(axes, size), **style)
         return axes
 
@@ -133,7 +134,7 @@ class Method(ImmutableValue):
         return self.program.digits
 
     @property
-    def labels(self) -> dict[str, Any]:
+    def labels(self) -> Document:
         """Name, reference and digits, as arguments of a program."""
         return {"name": self.name, "reference": self.reference, "digits": self.digits}
 
@@ -219,7 +220,7 @@ class Program(Method):
         names = tuple(parts)
         self.__dict__.update(names=names, evaluations=tuple(evaluations), result=result, digits=digits, **labels)
         self.__dict__["auxiliary"] = tuple(part for part in names if part in auxiliary)
-        self.__dict__["max_children"] = read_child_bounds(max_children, len(names))
+        self.__dict__["max_children"] = _shortest(read_child_bounds(max_children, len(names), IntegratorError))
         self._check_registers()
         if self.domain == "float" and self.parameters:
             raise IntegratorError(entries.NO_SYMBOLS_AMONG_FLOATS)
@@ -294,12 +295,12 @@ class Program(Method):
             for part in range(len(self.names))
         )
 
-    def total(self, e: int, part: int) -> Any:
+    def total(self, e: int, part: int) -> Entry:
         """The value of k_e / h for a field that is 1 in one part and 0 in the others."""
         evaluation = self.evaluations[e]
         if isinstance(evaluation, Derivative):
             return 0
-        own: Any = int(evaluation.part in (part, None))
+        own: Entry = int(evaluation.part in (part, None))
         if isinstance(evaluation, Average):
             return own * entries.read_entry("1", "weight") / (evaluation.power + 1)
         if isinstance(evaluation, Flow):
@@ -423,36 +424,10 @@ def _power(j: int) -> str:
     return "" if j == 0 else "θ " if j == 1 else f"θ^{j} "
 
 
-ChildBounds: TypeAlias = tuple[tuple[int | None, ...], ...]
-"""For each part the largest orders of its derivatives with respect to each part and, as optional last entry, in all."""
-
-INFINITE = float("inf")
-
-
-def read_child_bounds(bounds: object, parts: int) -> ChildBounds | None:
-    """Bounds in normal form: a row for each part, with a last entry for all children if it is a bound.
-
-    `bounds` is None (no bound), one number (for all children of every node), or for each part a row with a bound for
-    each part and optionally one for all children; None and ``inf`` mean unbounded. The result is None if nothing is
-    bounded.
-
-    Example:
-        >>> read_child_bounds([[1, 1, 1], [None, None, None]], 2)
-        ((1, 1, 1), (None, None))
-        >>> read_child_bounds(3, 1)
-        ((None, 3),)
-    """
-    given = as_lists(bounds)
-    rows = list(map(as_lists, given)) if is_listed(given) else [[None] * parts + [given]] * parts
-    sizes = parts, parts + 1
-    if len(rows) != parts or not all(is_listed(row) and len(row) in sizes and all(map(_is_bound, row)) for row in rows):
-        raise IntegratorError(
-            f"max_children must be one bound or {parts} row{'s' * (parts > 1)} of {parts} or {parts + 1} bounds, each "
-            f"a whole number, 0 or more, or None, but was {shown(bounds)}"
-        )
-    read = tuple(tuple(None if bound in (None, INFINITE) else int(bound) for bound in row) for row in rows)
-    read = tuple(row[:parts] if row[parts:] == (None,) else row for row in read)
-    return read if any(bound is not None for row in read for bound in row) else None
+def _shortest(bounds: ChildBounds) -> ChildBounds | None:
+    """The bounds without last entries that are none; None if nothing is bounded."""
+    rows = tuple(row[:-1] if row[-1] is None else row for row in bounds)
+    return rows if any(bound is not None for row in rows for bound in row) else None
 
 
 def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> ChildBounds | None:
@@ -461,12 +436,6 @@ def common_bounds(first: ChildBounds | None, second: ChildBounds | None) -> Chil
         return first or second
     rows = (zip_longest(a, b) for a, b in zip(first, second, strict=True))
     return tuple(tuple(min((x for x in pair if x is not None), default=None) for pair in row) for row in rows)
-
-
-def _is_bound(bound: object) -> bool:
-    if isinstance(bound, bool) or not isinstance(bound, Real):
-        return bound is None
-    return bound >= 0 and bound in (INFINITE, bound // 1)  # type: ignore[operator]
 
 
 def scaled(program: Program, factor: Entry) -> tuple[tuple[Evaluation, ...], LinearForm]:

@@ -17,8 +17,9 @@ from traceback import walk_stack, walk_tb
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required, without_axes
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
 from integrators.methods.programs.evaluations import Derivative, Evaluation, Field, Flow, LinearForm
 from integrators.methods.programs.program import MAX_STAGES, Program, mapped
@@ -114,7 +115,7 @@ class Recorder:
         self.equations: list[LinearForm | None] = []
         self.times: list[tuple[LinearForm, Entry, str]] = []
 
-    def run(self, step: Callable[..., Any]) -> LinearForm:
+    def run(self, step: Callable[..., object]) -> LinearForm:
         """Call the step and return its end."""
         parameters = parameters_of(step)
         count = 3 if parameters is None else required(parameters)

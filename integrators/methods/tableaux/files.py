@@ -11,13 +11,14 @@ Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``,
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from decimal import Decimal
 from typing import IO, Any
 
+from bseries_base.errors import shorten, shown
 from integrators.core import text_files
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
@@ -32,7 +33,7 @@ KEYS = (*PART_KEYS, "partitions")
 
 
 def load_method(
-    source: str | os.PathLike[str] | IO[Any], format: str | None = None, *, digits: int | None = None
+    source: str | os.PathLike[str] | IO[str] | IO[bytes], format: str | None = None, *, digits: int | None = None
 ) -> Method:
     """Read a method from a file; a `TableauWarning` is emitted for each of its issues.
 
@@ -158,13 +159,13 @@ def _read_tableau(data: Any, parameters: Iterable[str], digits: int | None) -> R
     return method.to_float() if "domain" in data else method
 
 
-def _require_keys(data: Any, keys: Iterable[str], argument: str) -> None:
+def _require_keys(data: Collection[str], keys: Iterable[str], argument: str) -> None:
     for key in keys:
         if key not in data:
             raise IntegratorError(f"{argument} must have the key {key}, but had {shorten(', '.join(data) or 'none')}")
 
 
-def _as_floats(value: object) -> Any:
+def _as_floats(value: object) -> object:
     """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]

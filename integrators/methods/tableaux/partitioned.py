@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from itertools import combinations
-from typing import Any
 
-from bseries_base.table import Table
+from bseries_base.errors import shorten, shown
+from bseries_base.table import Document, Table
 from integrators.core.arguments import check_partition_names, read_labels
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import errors_from
 from integrators.methods.programs.builder import in_color_order
 from integrators.methods.programs.program import Method, Program
@@ -99,7 +99,7 @@ class PartitionedRungeKutta(Method):
 
     plot = tableau_picture
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The content of a tableau file; see `load_method`."""
         labels = {"name": self.name} | ({} if self.reference is None else {"reference": self.reference})
         parts = zip(self.names, self.partitions, strict=True)

@@ -8,10 +8,12 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
-from bseries_base.table import Table
+from bseries_base.errors import shorten, shown
+from bseries_base.table import Document, Table
 from integrators.core.arguments import check_digits, items, read_labels
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import entries, polynomials
+from integrators.exact.arithmetic import in_sympy
 from integrators.exact.entries import Entry, EntryRow, Matrix
 from integrators.exact.expressions import check_names, decimal_text, format_number
 from integrators.methods.programs.builder import ProgramBuilder, entry_count
@@ -133,10 +135,10 @@ class RungeKutta(Method):
 
     plot = presentation.tableau_picture
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The content of a tableau file, without absent entries; see `load_method`."""
         plain = presentation.plain_entries
-        data: dict[str, Any] = {"name": self.name, "reference": self.reference}
+        data: Document = {"name": self.name, "reference": self.reference}
         if self.algebra is not None:
             polynomial, b = plain(self.algebra.polynomial), plain(self.algebra.b)
             data["algebra"] = {"polynomial": polynomial, "A": list(map(plain, self.algebra.A)), "b": b}
@@ -265,7 +267,7 @@ class RungeKutta(Method):
                 found.append(f"{which} to {_entry_text(entries.sum_entries(row))}, not 1: they have order 0")
         return tuple(found)
 
-    def _sums_to(self, values: Sequence[Any], total: int) -> bool | None:
+    def _sums_to(self, values: Sequence[Entry], total: int) -> bool | None:
         """Whether entries sum to a number, within their digits."""
         if self.digits is None or self.domain != "decimal":
             return entries.cancels((*values, -total), self.precision)
@@ -327,7 +329,7 @@ class RungeKutta(Method):
         """
         return are_symmetric([self])
 
-    def substitute(self, values: Mapping[str, Any]) -> RungeKutta:
+    def substitute(self, values: Mapping[str, object]) -> RungeKutta:
         """The method with values substituted for symbols.
 
         Args:
@@ -348,9 +350,9 @@ class RungeKutta(Method):
         import sympy
 
         read = {name: entries.read_entry(value, name, self.parameters) for name, value in values.items()}
-        replacements = {sympy.Symbol(name): sympy.sympify(value, strict=True) for name, value in read.items()}
+        replacements = {sympy.Symbol(name): in_sympy(value) for name, value in read.items()}
 
-        def substituted(value: Any, place: str) -> Entry:
+        def substituted(value: Entry, place: str) -> Entry:
             return entries.read_entry(value.xreplace(replacements), place) if entries.is_sympy(value) else value
 
         return self._mapped(substituted, nodes=self.c != self.row_sums)
@@ -371,7 +373,7 @@ class RungeKutta(Method):
 
     def with_digits(self, digits: int | None) -> RungeKutta:
         """The method with another number of correct digits of its decimals; None if they are exact."""
-        labels: dict[str, Any] = {"name": self.name, "reference": self.reference, "warn": False}
+        labels: Document = {"name": self.name, "reference": self.reference, "warn": False}
         return RungeKutta(self.A, self.b, self.c, embedded=self.embedded, digits=digits, **labels)
 
     def _mapped(self, function: Callable[[Entry, str], Entry], *, nodes: bool) -> RungeKutta:

@@ -14,11 +14,12 @@ from math import comb, lcm
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import MOST_DIGITS, items, read_whole
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import polynomials
-from integrators.exact.arithmetic import Exact, simplest
+from integrators.exact.arithmetic import Exact, in_sympy, simplest
 from integrators.exact.polynomials import Matrix, Polynomial, matrix_rows, to_flint_matrix
 
 if TYPE_CHECKING:
@@ -223,7 +224,7 @@ class StageAlgebra(ImmutableValue):
         import sympy
 
         x = sympy.Symbol("x")
-        terms = [sympy.Rational(a.numerator, a.denominator) * x**k for k, a in enumerate(rest)]
+        terms = [in_sympy(a) * x**k for k, a in enumerate(rest)]
         for factor, _ in sympy.factor_list(sympy.Add(*terms), x)[1]:
             coefficients = [simplest(a) for a in reversed(sympy.Poly(factor, x).all_coeffs())]
             minimal = polynomials.scale(tuple(coefficients), 1 / coefficients[-1])
@@ -302,7 +303,7 @@ def _value(columns: Sequence[Polynomial], y: Exact, x: Exact) -> Exact:
         return value
     import sympy
 
-    value = sympy.Add(*(sympy.Rational(a.numerator, a.denominator) * x**k * y**level for a, k, level in terms))
+    value = sympy.Add(*(in_sympy(a) * x**k * y**level for a, k, level in terms))
     if not isinstance(x, sympy.CRootOf) and not isinstance(y, sympy.CRootOf):
         value = sympy.expand(value)
     return simplest(value)
@@ -314,8 +315,8 @@ def _roots(minimal: Polynomial, factor: sympy.Expr) -> list[sympy.Expr]:
 
     degree = len(minimal) - 1
     mean = -minimal[-2] / degree
-    *lower, _ = [sympy.Rational(a.numerator, a.denominator) for a in polynomials.compose(minimal, (mean, Fraction(1)))]
-    centre = sympy.Rational(mean.numerator, mean.denominator)
+    *lower, _ = map(in_sympy, polynomials.compose(minimal, (mean, Fraction(1))))
+    centre = in_sympy(mean)
     if degree == 2:
         squares = [-lower[0]]
     elif degree == 4 and lower[1] == 0:

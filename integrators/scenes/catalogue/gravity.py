@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from fractions import Fraction
 from operator import mul, sub
-from typing import Any
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue import particles
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
@@ -157,7 +157,7 @@ def perturbed_kepler(*, eccentricity: object = "3/5") -> Scene:
     )
 
 
-def _perihelion(eccentricity: object) -> dict[str, Any]:
+def _perihelion(eccentricity: object) -> dict[str, object]:
     """Start at the perihelion of an ellipse with semi-major axis 1 (HLW, section I.2.3)."""
     import sympy
 

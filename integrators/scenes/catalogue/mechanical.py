@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.formulas import read_formula
 from integrators.scenes.model.terms import Effect, Term

@@ -6,8 +6,9 @@ from fractions import Fraction
 from math import ceil, cos, gamma, pi
 from typing import TYPE_CHECKING
 
+from bseries_base.errors import shorten
 from integrators.core.arguments import items
-from integrators.core.errors import IntegratorError, shorten
+from integrators.core.errors import IntegratorError
 from integrators.scenes.catalogue.registry import SceneEntry
 from integrators.scenes.model.blocks import AXES, MAX_VARIABLES
 from integrators.scenes.model.formulas import as_float, read_formula

@@ -10,9 +10,10 @@ from functools import cache
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from bseries_base.table import Column, Table, Tabular, listed
+from bseries_base.errors import shown, suggestion
+from bseries_base.table import Column, Document, Table, Tabular, listed
 from integrators.core.catalogues import Register, spelling
-from integrators.core.errors import IntegratorError, shown, suggestion
+from integrators.core.errors import IntegratorError
 from integrators.scenes.model.declarations import UnknownNameError
 from integrators.scenes.model.terms import check_active
 from integrators.scenes.scene import Scene, labelled
@@ -60,7 +61,7 @@ class SceneEntry(NamedTuple):
         return labelled(self.builder(**options), name=self.name, summary=self.summary, reference=self.reference)
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Document:
         """The names of its options and their defaults."""
         return {name: value for name, value in (self.builder.__kwdefaults__ or {}).items() if name != "effects"}
 
@@ -95,7 +96,7 @@ class SceneCatalogue(Tabular, tuple["SceneEntry", ...]):
         """Names, numbers of variables with default options, effects and summaries; records have sources too."""
         rows = _records()
 
-        def description(row: dict[str, Any]) -> str:
+        def description(row: Document) -> str:
             lists = (("also", row["aliases"]), ("options", row["options"]))
             return "\n".join([row["summary"], *(f"{what}: {', '.join(names)}" for what, names in lists if names)])
 
@@ -120,7 +121,7 @@ class SceneCatalogue(Tabular, tuple["SceneEntry", ...]):
 
 
 @cache
-def _records() -> list[dict[str, Any]]:
+def _records() -> list[Document]:
     """The fields of entries in JSON and CSV; scenes are built for their dimensions."""
     return [
         {field: entry.build().dimension if field == "dimension" else getattr(entry, field) for field in SCENE_FIELDS}

@@ -7,17 +7,20 @@ entry and is refused there. This module imports SymPy, and is itself imported wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from hashlib import sha256
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 from uuid import uuid4
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import sympy
 from sympy.printing.printer import Printer
 
+from bseries_base.machine_code import Compiled
 from integrators.core.errors import IntegratorError
+
+T = TypeVar("T")
 
 _KEYS: WeakKeyDictionary[object, str] = WeakKeyDictionary()
 _BOXES: WeakValueDictionary[str, BlackBox] = WeakValueDictionary()
@@ -37,7 +40,7 @@ class BlackBox(sympy.Atom):
     same text and the same frozen values share one, see `integrators.compile.function_keys`.
     """
 
-    function: Any  # the function, as a dispatcher of numba
+    function: Compiled  # the function, as a dispatcher of numba
     name: str  # its name in messages
     arguments: tuple[BoxArgument, ...]
     shape: tuple[int, ...]  # the shape of its value, (n,) or (n, n)
@@ -86,6 +89,18 @@ class BlackBox(sympy.Atom):
     def inputs(self) -> int:
         """The number of values that it takes."""
         return sum(max(1, argument.length) for argument in self.arguments)
+
+    def bound(self, read: Callable[[int, int], T]) -> tuple[list[T], dict[str, T]]:
+        """The arguments by position, and those by keyword; `read` gives one from its place and length."""
+        given, named, place = list[T](), dict[str, T](), 0
+        for keyword, length in self.arguments:
+            value = read(place, length)
+            if keyword:
+                named[keyword] = value
+            else:
+                given.append(value)
+            place += max(1, length)
+        return given, named
 
     def entries(self, values: Sequence[object]) -> list[sympy.Expr]:
         """All entries of its value at formulas or numbers, one for each that it takes."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import as_lists, canonical_names, identifier, is_listed
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact.expressions import check_names
 
 AXES = "xyz"

@@ -6,9 +6,11 @@ from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bseries_base.errors import shorten, shown
 from bseries_base.formulas import formula_text
+from bseries_base.table import Document
 from integrators.core.arguments import as_lists, check_distinct, check_label, is_listed, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.arithmetic import simplest
 from integrators.exact.expressions import MAX_LENGTH, decimal_text
@@ -133,7 +135,7 @@ def read_parameters(values: object, argument: str = "parameters") -> Parameters:
     return found
 
 
-def read_summands(hamiltonian: Any, field: Any, terms: Any, namespace: Namespace) -> dict[Key, sympy.Expr]:
+def read_summands(hamiltonian: object, field: Any, terms: object, namespace: Namespace) -> dict[Key, sympy.Expr]:
     """The formulas of a field or Hamiltonian, summed by target, sites and part."""
     label = namespace.label
     declared = [] if hamiltonian is None else [Term(hamiltonian=hamiltonian)]
@@ -211,7 +213,7 @@ def join_start(values: Start, blocks: Sequence[Block], argument: str = "start") 
     return tuple(value for block in blocks for value in values[block.name])
 
 
-def _flattened(value: object, depth: int = 2) -> list[Any]:
+def _flattened(value: object, depth: int = 2) -> list[object]:
     """The entries of a number, a list, or a list of rows."""
     value = as_lists(value)
     if depth and is_listed(value):
@@ -249,7 +251,7 @@ class Assembly(NamedTuple):
 
 
 def read_declaration(
-    variables: object, hamiltonian: object, field: object, terms: object, poisson: object, parameters: object,
+    variables: object, hamiltonian: object, field: Any, terms: object, poisson: object, parameters: object,
     invariants: object, start: object, positive: object, effects: Mapping[str, Effect],
 ) -> Declaration:  # fmt: skip
     """Parse the arguments of `Scene`, including effects that are off."""
@@ -468,9 +470,9 @@ def _owner(name: str, owners: Mapping[str, str], active: Collection[str], argume
 
 def declaration_table(
     declaration: Declaration, labels: Mapping[str, str | None], effects: Mapping[str, Effect], active: tuple[str, ...]
-) -> dict[str, Any]:
+) -> Document:
     """A declaration as nested dictionaries and lists of integers and text, without empty entries."""
-    data: dict[str, Any] = {**labels, "active": list(active)}
+    data: Document = {**labels, "active": list(active)}
     data |= _contribution_table(declaration.base)
     if declaration.poisson is not None:
         data["poisson"] = _numbers(declaration.poisson, "poisson")
@@ -483,16 +485,16 @@ def declaration_table(
     return _without_empty(data)
 
 
-def _without_empty(table: Mapping[str, object]) -> dict[str, Any]:
+def _without_empty(table: Mapping[str, object]) -> Document:
     """The table without keys whose value is None or empty, on all levels."""
     inner = {key: _without_empty(value) if isinstance(value, dict) else value for key, value in table.items()}
     return {key: value for key, value in inner.items() if value not in (None, [], {})}
 
 
-def _contribution_table(part: Contribution) -> dict[str, Any]:
+def _contribution_table(part: Contribution) -> Document:
     """The table of the base system or of an effect."""
 
-    def rows(values: list[object], length: int) -> list[Any]:
+    def rows(values: list[object], length: int) -> list[object]:
         return [values[k : k + length] for k in range(0, len(values), length)] if length > 1 else values
 
     at_site = {block.name: len(block.components) for block in part.blocks}
@@ -505,10 +507,10 @@ def _contribution_table(part: Contribution) -> dict[str, Any]:
     }
 
 
-def _formulas_table(summands: Mapping[Key, sympy.Expr]) -> dict[str, Any]:
+def _formulas_table(summands: Mapping[Key, sympy.Expr]) -> Document:
     """The keys hamiltonian, field and terms; a sum too long for one text is split into several terms."""
-    table: dict[str, Any] = {}
-    terms: dict[Any, dict[str, Any]] = {}
+    table: Document = {}
+    terms: dict[Any, Document] = {}
     for (target, sites, part), formula in summands.items():
         for k, text in enumerate(_texts(formula)):
             place = table

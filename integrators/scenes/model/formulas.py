@@ -11,9 +11,10 @@ from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
+from bseries_base.errors import shorten, shown
 from bseries_base.formulas import formula_text
 from integrators.core.arguments import without_axes
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.exact import arithmetic as exact
 from integrators.exact.expressions import FUNCTIONS, NOT_FINITE, ROOTS, nearest_double, parse_expression
 
@@ -29,7 +30,7 @@ FORMULA = "formula"
 _WORD = re.compile(r"(?<![\w.])[^\W\d]\w*")
 
 
-def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Expr:
+def read_formula(value: object, names: Collection[str], argument: str) -> sympy.Expr:
     """An exact SymPy expression in plain symbols, without floats, equal to the expression parsed from its own text.
 
     `value` is a number, or a formula in `names` as text or SymPy expression; a float denotes the decimal that it prints
@@ -45,7 +46,7 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
     import sympy
 
     if number is not None:
-        return sympy.Rational(number.numerator, number.denominator)
+        return exact.in_sympy(number)
     if isinstance(value, str | Decimal):
         return stable_form(_parse(str(value), names, argument), argument)
     if isinstance(value, sympy.Expr):
@@ -58,7 +59,7 @@ def read_formula(value: Any, names: Collection[str], argument: str) -> sympy.Exp
 
 def read_numbers(values: Iterable[object], argument: str) -> tuple[sympy.Expr, ...]:
     """Exact numbers, each read by `read_formula`."""
-    read: dict[Any, sympy.Expr] = {}  # large scenes repeat the same numbers
+    read: dict[object, sympy.Expr] = {}  # large scenes repeat the same numbers
 
     def number(k: int, value: object) -> sympy.Expr:
         if type(value) not in (int, float):
@@ -130,7 +131,7 @@ def _refuse_name(name: str, text: str, names: Collection[str], argument: str) ->
     raise IntegratorError(f"{argument} must be {what}, but has the unknown name {shorten(name)!r}")
 
 
-def _rational(value: Any, argument: str) -> Fraction | None:
+def _rational(value: Any, argument: str) -> exact.Exact | None:
     """A Python number as a fraction; None for other values."""
     if isinstance(value, float):
         if not isfinite(value):
@@ -149,7 +150,7 @@ def _plain(value: sympy.Expr, names: Collection[str], argument: str) -> sympy.Ex
     """The expression with plain symbols and rational numbers."""
     import sympy
 
-    for symbol in cast("set[Any]", value.free_symbols):
+    for symbol in cast("set[sympy.Symbol]", value.free_symbols):
         if not isinstance(symbol, sympy.Symbol) or not symbol.is_commutative:
             raise IntegratorError(f"{argument} must be a formula in plain symbols, but has {shorten(str(symbol))!r}")
         if symbol.name not in names:

@@ -6,10 +6,10 @@ In the local form, terms are formulas in few local variables with numbers for pa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
@@ -150,7 +150,7 @@ class System(ImmutableValue):
         """The compiled functions in the field."""
         from integrators.scenes.model.black_boxes import Entry
 
-        entries: Iterable[Any] = (entry for summand in self.summands for entry in summand.formula.atoms(Entry))
+        entries = (entry for summand in self.summands for entry in summand.formula.atoms(Entry))
         return tuple(dict.fromkeys(entry.args[0] for entry in entries))
 
     @cached_property

@@ -12,8 +12,9 @@ from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from bseries_base.errors import shorten, shown
 from integrators.core.arguments import as_lists, check_label, is_listed, items
-from integrators.core.errors import IntegratorError, shorten, shown
+from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.scenes.model.blocks import ROLES, Block
 
@@ -147,7 +148,7 @@ def sorted_summands(formulas: Mapping[Key, sympy.Expr], blocks: Iterable[Block])
     if any(summand.target is not None and summand.sites.kind == "single" for summand in summands):
         places = {name: block.offset + k for block in blocks for k, name in enumerate(block.variables)}
 
-    def order(summand: Summand) -> tuple[Any, ...]:
+    def order(summand: Summand) -> tuple[object, ...]:
         target = summand.target or ""
         return summand.part or "", summand.sites, places.get(target, -1), target
 
@@ -200,7 +201,7 @@ class Effect(ImmutableValue):
     summary: str | None
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> dict[str, object]:
         """The arguments of the constructor."""
         mappings = {name: dict(self.__dict__[name]) for name in ("field", "variables", "parameters", "start")}
         return {**mappings, **{name: self.__dict__[name] for name in ("hamiltonian", "terms", "breaks", "summary")}}
@@ -217,7 +218,7 @@ class Effect(ImmutableValue):
         return f"Effect({given})"
 
 
-def _immutable(value: object) -> Any:
+def _immutable(value: object) -> object:
     """A number, or a list or array as nested tuples."""
     value = as_lists(value)
     return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value

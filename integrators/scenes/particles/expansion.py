@@ -9,10 +9,11 @@ energy has one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
-from integrators.core.errors import IntegratorError, shorten
-from integrators.exact.arithmetic import substituted
+from bseries_base.errors import shorten
+from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import renamed, substituted
 from integrators.scenes.model.blocks import ROLES, TIME, Block, canonical_blocks, component_places
 from integrators.scenes.model.system import LOCAL_NAME, VALUE, Argument, Data, LocalTerm, Output, Place, System
 from integrators.scenes.model.terms import Sites, Summand
@@ -51,7 +52,7 @@ def written_out(summand: Summand, scene: System) -> Iterator[tuple[str | None, s
 def at_row(formula: sympy.Expr, row: tuple[int, ...], scene: System) -> sympy.Expr:
     """The formula of a term over sites at a row of sites, in flat names."""
     symbols = [symbol for symbol in formula.free_symbols if is_local(str(symbol), scene)]
-    return cast("sympy.Expr", formula.xreplace({symbol: _at_row(str(symbol), row, scene) for symbol in symbols}))
+    return renamed(formula, {symbol: _at_row(str(symbol), row, scene) for symbol in symbols})
 
 
 def is_local(name: str, scene: System) -> bool:
@@ -68,7 +69,7 @@ def _at_row(name: str, row: tuple[int, ...], scene: System) -> sympy.Expr:
     places, site = component_places(name[:-2], scene.blocks), row[ROLES.index(name[-1])]
     if places is not None:
         return sympy.Symbol(scene.variables[places.start + places.step * site])
-    return cast(Any, scene.parameters[name[:-2]])[site]
+    return cast("tuple[sympy.Expr, ...]", scene.parameters[name[:-2]])[site]
 
 
 def flat_hamiltonian(summands: Sequence[Summand], scene: System) -> sympy.Expr | None:
@@ -199,8 +200,10 @@ def _local_term(formula: sympy.Expr, summand: Summand, scene: System) -> LocalTe
 
     formula, arguments = _local_arguments(formula, summand.sites, scene)
     at_sites = sorted((s for s in cast("set[sympy.Symbol]", formula.free_symbols) if is_local(s.name, scene)), key=str)
-    data = [Data(ROLES.index(s.name[-1]), cast(Any, scene.parameters[s.name[:-2]])) for s in at_sites]
-    formula = cast(Any, formula).xreplace({symbol: sympy.Symbol(f"d{k}") for k, symbol in enumerate(at_sites)})
+    data = [
+        Data(ROLES.index(s.name[-1]), cast("tuple[sympy.Expr, ...]", scene.parameters[s.name[:-2]])) for s in at_sites
+    ]
+    formula = renamed(formula, {symbol: sympy.Symbol(f"d{k}") for k, symbol in enumerate(at_sites)})
     if summand.target is not None:
         outputs = [Output(VALUE, cast(Place, _place(summand.target, summand.sites, scene)), 1)]
     else:
@@ -224,14 +227,14 @@ def _local_arguments(formula: sympy.Expr, sites: Sites, scene: System) -> tuple[
         partner = symbol.name[:-1] + "j"
         if sites.roles == 2 and partner in names - {symbol.name}:
             dummy = sympy.Dummy()
-            difference = cast(Any, formula).xreplace({symbol: dummy + sympy.Symbol(partner)})
+            difference = renamed(formula, {symbol: dummy + sympy.Symbol(partner)})
             if sympy.Symbol(partner) not in difference.free_symbols:
                 local, formula, minus = dummy, difference, _place(partner, sites, scene)
                 free = formula.free_symbols
         locals_.append(local)
         arguments.append(Argument(cast(Place, _place(symbol.name, sites, scene)), minus))
     # at once: a variable of the scene may be called x0
-    return cast(Any, formula).xreplace({local: sympy.Symbol(f"x{k}") for k, local in enumerate(locals_)}), arguments
+    return renamed(formula, {local: sympy.Symbol(f"x{k}") for k, local in enumerate(locals_)}), arguments
 
 
 def _place(name: str, sites: Sites, scene: System) -> Place | None:

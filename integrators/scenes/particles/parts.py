@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from bseries_base.child_bounds import ChildBounds
 from integrators.core.arguments import canonical_names
 from integrators.core.errors import IntegratorError
-from integrators.methods.programs.program import ChildBounds
 from integrators.scenes.model.blocks import canonical_blocks
 from integrators.scenes.model.system import LocalTerm, Output, Place, System, output_formula
 

@@ -283,7 +283,7 @@ def test_long_series_are_shown_in_part():
         (lambda: bs.BSeries.from_rule(lambda tree: sympy.zoo * X, 2), "coefficient must be"),
         (lambda: bs.BSeries.from_rule(lambda tree: 1e308, 2) ** 2, "must stay within the range of floats"),
         (lambda: bs.series(RK4, 2) * 10**400 * 0.5, "must"),
-        (lambda: bs.TreeTable(3, 1, [2]), "max_children must be one bound or rows of bounds"),
+        (lambda: bs.TreeTable(3, 1, [2]), "max_children must be one bound or 1 row of 1 or 2 bounds"),
         (lambda: bs.TreeTable(3, 1, "a"), "max_children must"),
         (lambda: bs.BSeries.from_rule(lambda tree: "1", 3), "coefficient must be a number or a SymPy expression"),
         (lambda: bs.BSeries.from_rule(lambda tree: float("inf"), 3), "coefficient must be finite, but was inf"),

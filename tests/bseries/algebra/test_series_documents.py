@@ -124,7 +124,7 @@ def bad_documents():
         "digits": (changed(digits=-1), "digits must be an integer from 1"),
         "decimals": (changed(digits=16), "coefficient of τ must be the text of a number in QQ, but was None"),
         "left out": (changed(digits=16, nonzero=True), "terms must all be there for a method in decimals"),
-        "max_children": (changed(max_children=[1, 2, 3]), "max_children must be one bound or rows"),
+        "max_children": (changed(max_children=[1, 2, 3]), "max_children must be one bound or 1 row"),
         "method": (changed(method=3), "domain and method must be text"),
         "empty": (changed(empty=None), "empty must be the text of a number, but was None"),
         "twice": (with_term(tree="[τ]"), r"terms must have each tree once, but had \[τ\] twice"),

@@ -148,7 +148,7 @@ def test_adjugate_and_determinant(seed):
     adjugate = sum((r**k * sympy.Matrix(c) for k, (_, c) in enumerate(terms)), sympy.zeros(size))
     assert (adjugate - resolvent.adjugate()).expand() == sympy.zeros(size)
     thirds = [[Fraction(a, 3) for a in row] for row in matrix]
-    assert characteristic(thirds) == [Fraction(d, 3**k) for k, (d, _) in enumerate(terms)]
+    assert list(characteristic(thirds)) == [Fraction(d, 3**k) for k, (d, _) in enumerate(terms)]
 
 
 def inexact(value, error):

@@ -52,7 +52,7 @@ MISTAKES = {
     "value is code": ("modified sdirk2 --set gamma=open('x')", "gamma must be a formula"),
     "floats of symbols": ("modified sdirk2 --float", "must be a number to become a float"),
     "limits": ("trees --max-children many", "max_children must be numbers or inf"),
-    "shape of limits": ("trees --colors 2 --max-children 1,2;3", "max_children must have 2 rows"),
+    "shape of limits": ("trees --colors 2 --max-children 1,2;3", "max_children must be one bound or 2 rows"),
     "colours": ("trees --colors 0", "colors must be 1 or more"),
     "misspelt option": ("modified rk4 --ordre 3", "No such option.*see `bseries modified --help`"),
     "missing file": ("modified ./missing.json", "must be a readable file"),

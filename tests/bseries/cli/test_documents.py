@@ -79,7 +79,7 @@ def rotor():
 
 OBJECTS = {
     "answers": lambda: check_answers("1d = no\n4c = 1/3\n7a = f"),
-    "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "field-nijhoff"),
+    "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "harmonic-oscillator"),
     "field": lambda: bs.series("rk4", 3).log(),
     "error-coefficients": lambda: bs.analysis.error_coefficients("rk4"),
     "generating-function": lambda: bs.hamiltonians.generating_function("implicit-midpoint", "pendulum", 3),

@@ -8,7 +8,7 @@ import pytest
 
 import bseries as bs
 from bseries.algebra.stages import RationalStages, stages_of
-from bseries.exact import denominators, recursions, residues
+from bseries.exact import bounds, denominators, recursions, residues, stage_sizes
 from bseries_base.lowering import flat_kernels
 
 PRIMES = 1073741789, 1073741783, 1073741741  # the first moduli
@@ -161,23 +161,40 @@ def test_all_that_is_made_of_stages(numbers, order, colors, max_children, execut
         assert found.coefficients() == [truth[tree] for tree in shown]
 
 
+@pytest.mark.parametrize("head", [0, 4, 60])
 @pytest.mark.parametrize("name", ["dop853", "gauss3", "lobatto-iiic3", "tdrk5", "avf", "lawson4", "rkn-nystrom4"])
-def test_denominators_and_sums_bound_powers(name):
+def test_sizes_by_order_bound_powers(name, head, monkeypatch):
     """Of the stages of tableaus, families and programs, of inverses, compositions and scaled steps."""
+    monkeypatch.setattr(stage_sizes, "HEAD", head)
     method = bs.method(name)
     colors = len(method.names)
     order = 5 if colors == 1 else 3
     table = bs.TreeTable(order, colors)
     stages = stages_of(method, order)
     assert isinstance(stages, RationalStages)
-    short = stages.scaled(Fraction(3, 4))
+    short = stages.scaled(Fraction(-3, 4))
     for made in (stages, stages.inverse(), short, stages.then(short), short.then(stages.inverse()).inverse()):
-        flow = denominators.of_stages(made.stages, order)
+        flow = stage_sizes.denominators.__wrapped__(made.stages, order)
         many = denominators.of_powers(flow)
+        rough = sharp = stage_sizes.rough_bound(made.real, order)
+        if not made.real.error:
+            sharp = stage_sizes.bound.__wrapped__(made.real, order)
+            assert colors > 1 or all(x <= y + 100 for x, y in zip(sharp, rough, strict=True))  # all is rounded up
         a = dict(zip(map(nested, table), made.series(table).coefficients(), strict=True))
-        first, factor = made.sums
         for k in (1, 2, order):
+            bound = sharp if k == 1 else bounds.sum_of_powers([[0] * (k - 1) + [1]] * (order + 1), sharp)
             for tree, x in power(a, k).items():
                 n = nodes(tree)
                 assert (x * (flow if k == 1 else many)[n]).denominator == 1
-                assert abs(x) <= k * first * ((k - 1) * first + factor) ** (n - 1)
+                assert abs(x) * bounds.ONE <= bound[n]
+
+
+def test_sizes_by_order_are_near_the_truth():
+    """Beyond the trees whose values are computed, for a method with large entries."""
+    stages = stages_of(bs.method("dormand-prince54"), 9)
+    a = bs.series("dormand-prince54", 9)
+    sharp, rough = stage_sizes.bound(stages.real, 9), stage_sizes.rough_bound(stages.real, 9)
+    largest = max(map(abs, a.coefficients()[a.basis.offsets[8] :])) * bounds.ONE
+    assert largest <= sharp[9] < 2**9 * largest < 2**30 * largest < rough[9]
+    common = stage_sizes.denominators(stages.stages, 9)[9]
+    assert common.bit_length() < 90 < 300 < (stages.step**9).bit_length()

@@ -5,6 +5,7 @@ import math
 import random
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_modified_equations_of_large_entries(largest, seed):
 
 def test_a_wrong_weight_is_noticed(monkeypatch):
     right, method = powers.logarithm(ORDER), bs.method("rk4")
-    wrong = right._replace(numerators=(*right.numerators[:-1], (*right.numerators[-1][:-1], 2)))
+    wrong = replace(right, numerators=(*right.numerators[:-1], (*right.numerators[-1][:-1], 2)))
     monkeypatch.setattr(powers, "logarithm", lambda order: wrong)
     assert modified(method).coefficients() != by_lie_derivatives(method).coefficients()
 
@@ -108,14 +109,19 @@ def test_stages_of_inverses_and_compositions(name, execution):
     assert both.coefficients() == expected.coefficients()
 
 
+def with_numerators_of(bits):
+    """A method whose numerators of the top order have about so many bits."""
+    odd = max(3, round(2 ** (bits / ORDER)) | 1)
+    return bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
+
+
 @pytest.mark.parametrize("bits", [10, 20, 40, 62, 63, 64, 93, 94, 126, 127, 128, 300])
 def test_every_size_of_numerators_has_been_seen(bits, monkeypatch):
     """Denominators chosen such that numerators of the top order have about so many bits."""
     used = []
     run = recursions.sum_of_powers
     monkeypatch.setattr(recursions, "sum_of_powers", lambda *a: used.append(a[-1].modulus) or run(*a))
-    odd = max(3, round(2 ** (bits / ORDER)) | 1)
-    method = bs.RungeKutta([[0, 0], [Fraction(-1, odd), 0]], [Fraction(odd - 1, odd), Fraction(1, odd)], warn=False)
+    method = with_numerators_of(bits)
     found = modified(method)
     modulo, *primes = used
     assert found.coefficients() == by_lie_derivatives(method).coefficients()
@@ -177,12 +183,12 @@ def test_bounds_neither_underflow_nor_overflow():
 
 
 def test_moduli_beyond_the_bound_change_nothing(monkeypatch):
-    method, usual = bs.method("dormand-prince54"), powers.bits_of_sums
+    method, usual = with_numerators_of(100), bounds.numerator_bits
     found = modified(method)
-    monkeypatch.setattr(powers, "bits_of_sums", lambda *a: [x + 100 for x in usual(*a)])
+    monkeypatch.setattr(bounds, "numerator_bits", lambda *a: [x + 100 for x in usual(*a)])
     more = modified(method)
     assert list(map(int, more.raw)) == list(map(int, found.raw))
-    monkeypatch.setattr(powers, "bits_of_sums", lambda *a: [max(1, x - 60) for x in usual(*a)])
+    monkeypatch.setattr(bounds, "numerator_bits", lambda *a: [max(1, x - 60) for x in usual(*a)])
     assert modified(method).coefficients() != found.coefficients()
 
 

@@ -13,7 +13,7 @@ import sympy
 
 import bseries as bs
 from bseries.fields.evaluation import PreciseSeries
-from bseries.fields.modified_fields import flat_fields
+from bseries.fields.scene_trees import flat_fields
 from integrators.reference.plain_steps import plain_step
 
 DIGITS = 50

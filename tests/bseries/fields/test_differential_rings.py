@@ -209,7 +209,7 @@ def test_rings_grow_beyond_a_word_of_generators():
 
 
 def test_lattices_take_what_does_not_fit_as_it_is():
-    lattice = Lattice()
+    lattice = Lattice(int)
     lattice.insert({1: Fraction(2, 3)})
     assert lattice.coordinates({1: 2}) == [({1: Fraction(2, 3)}, 3)]
     assert lattice.coordinates({1: 1}) == [({1: 1}, 1)]  # no integer multiple

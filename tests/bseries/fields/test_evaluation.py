@@ -11,7 +11,7 @@ from numba import njit
 
 import bseries as bs
 from bseries.fields.evaluation import PreciseSeries
-from bseries.fields.modified_fields import trees_of_method
+from bseries.fields.scene_trees import trees_of_method
 
 SMALL = [entry.name for entry in bs.scene_catalogue() if bs.scene(entry.name).dimension <= 3]
 

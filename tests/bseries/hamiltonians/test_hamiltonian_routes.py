@@ -189,8 +189,7 @@ def test_what_only_integration_finds_keeps_the_constant_of_the_hamiltonian():
     [
         ("p^2/2 + q^2/2 + 3", "stormer-verlet"),
         ("p^2/2 + p*q/3 + q^2 - 1/7", "implicit-midpoint"),
-        ("log(1 + p) + log(2 + q) + 5", "symplectic-euler-p"),
-        ("log(2 + 2*p) + log(1 + q)", "symplectic-euler-q"),
+        ("exp(1)*p^2/2 + q^2 + 1", "symplectic-euler-p"),
     ],
 )
 def test_closed_forms_keep_the_constant_too(text, method):
