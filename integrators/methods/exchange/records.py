@@ -1,0 +1,609 @@
+"""Methods among the assignments of a source: their tables, with what is said about them nearby."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from os import PathLike, fspath
+from typing import Any, NamedTuple
+
+from integrators.core.errors import IntegratorError
+from integrators.core.text_files import read_text
+from integrators.methods.exchange.assignments import Assignments, Block, Unknown, Variable
+from integrators.methods.exchange.numbers import ONE, ZERO, Number, Struct, combine
+from integrators.methods.exchange.tokens import LANGUAGES, Source, language_of
+
+MOST_STAGES = 200
+NEAR = 1e-6
+"""Row sums that differ from nodes by less tell which nodes belong to which rows."""
+
+MATRICES = ("A", "a", "a_lower", "Abase", "Amat", "A_mat")
+WEIGHTS = ("b", "b_sol", "bbase", "B", "α", "alpha", "w")
+NODES = ("c", "C")
+EMBEDDED = (
+    *("bhat", "b_hat", "bh", "bembed", "bemb", "b_emb", "b_embedded", "αEEst", "alphaEEst", "d", "bstar", "b_star"),
+    *("b2", "bm", "bs", "bhat1", "αEEst2", "bhat2"),
+)
+ERRORS = ("b_error", "btilde", "b_tilde", "E", "er")
+CLAIMS = ("order", "embedded_order", "adaptiveorder", "q", "p", "o", "name", "shortname", "description", "stages")
+
+
+class Table(NamedTuple):
+    """The arrays of a method by name, each nested lists of `Number`s."""
+
+    arrays: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Record:
+    """A method that was found in a source.
+
+    Attributes:
+        name: Its name: that of the function, block or variable that it is in.
+        source: The name of the source.
+        line: The line in which its first table starts.
+        kind: ``runge-kutta``, ``additive``, ``nystrom``, ``rosenbrock``, ``shu-osher``, ``2n``, ``2s``, ``splitting``
+            or ``coupling``.
+        tables: Arrays of `Number`s by name: ``A``, ``b``, ``c``, ``embedded`` (rows), ``error`` (rows of differences
+            of weights, of either sign); other kinds as they name them.
+        claims: What is said nearby, as text: ``order``, ``q``, ``comment`` and others.
+    """
+
+    name: str
+    source: str
+    line: int
+    kind: str
+    tables: Mapping[str, Any]
+    claims: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was found in a source: methods, and a sentence for what could not be read."""
+
+    records: tuple[Record, ...]
+    unread: tuple[str, ...]
+
+
+def read_tableaus(source: str | PathLike[str], language: str | None = None, name: str | None = None) -> Reading:
+    """The methods in a source of any language; text is parsed and never evaluated.
+
+    Args:
+        source: The text, or a path to it.
+        language: One of c, julia, python, fortran, matlab and mathematica; by default that of the suffix of the path,
+            or of the brackets in the text.
+        name: The name of the source in messages; by default that of the file.
+
+    Returns:
+        The methods, and a sentence with source and line for each table that could not be read.
+
+    Raises:
+        IntegratorError: The file is no text or too large, or the language is unknown.
+
+    Example:
+        >>> found = read_tableaus("A[2, 1] = 2 // 3; b = [1//4, 3//4]; c = [0, 2//3]", "julia").records[0]
+        >>> found.kind, str(found.tables["A"][1][0].value), found.tables["A"][1][0].text
+        ('runge-kutta', '2/3', '2 // 3')
+    """
+    path = fspath(source) if isinstance(source, PathLike) else ""
+    text = read_text(path)[0] if path else str(source)
+    if language is not None and language not in LANGUAGES:
+        raise IntegratorError(f"language must be one of {', '.join(LANGUAGES)}, but was {language!r}")
+    chosen = LANGUAGES[language] if language else language_of(text, path)
+    return Finder(Source(text, chosen, name or path or "text")).reading()
+
+
+class Finder:
+    """Finds methods in the blocks of a source."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.first = source.language.first
+        self.records: list[Record] = []
+        self.unread: list[str] = []
+        self.used: set[tuple[int, ...]] = set()
+
+    def reading(self) -> Reading:
+        """All methods, in the order of their lines."""
+        for block in Assignments(self.source).blocks:
+            for k, table in enumerate(block.tables):
+                if table:
+                    _Group(self, block, k).find()
+        self.records.sort(key=lambda record: record.line)
+        return Reading(tuple(self.records), tuple(self.unread))
+
+
+class _Group:
+    """The variables of one method or of several with names of their own."""
+
+    def __init__(self, finder: Finder, block: Block, k: int) -> None:
+        self.finder = finder
+        self.block = block
+        self.start = block.starts[k]
+        self.end = block.starts[k + 1] if k + 1 < len(block.starts) else block.end
+        self.variables = block.tables[k]
+        self.stages = {
+            name: v.value.stages for name, v in self.variables.items() if isinstance(v.value, Struct)
+        }
+        self.values: dict[str, Any] = {}
+        self.lines: dict[str, int] = {}
+        self.faults: dict[str, str] = {}
+        self.families: dict[str, dict[tuple[int, ...], Number]] = {}
+        self._collect()
+
+    def _collect(self) -> None:
+        """Values by normalised name; entries with names of their own become families."""
+        for name, variable in self.variables.items():
+            value = self._dense(name, variable)
+            plain = _plain(name)
+            if isinstance(value, Unknown):
+                self.faults[plain] = value.what
+                self.lines.setdefault(plain, variable.line)
+            elif isinstance(value, list) and value:
+                self.values[plain] = value
+                self.lines[plain] = variable.line
+            elif isinstance(value, Number):
+                self.values.setdefault(plain, value)
+                self.lines.setdefault(plain, variable.line)
+                member = re.fullmatch(r"(.*?[^\W\d])_?(\d+)(?:_(\d+))?(_?[a-z]?)", plain)
+                if member:
+                    key = member[1] + member[4]
+                    index = (member[2], member[3]) if member[3] else (member[2],)
+                    self.families.setdefault(key, {})[index] = value  # type: ignore[index]
+        self._merge_families()
+
+    def _dense(self, name: str, variable: Variable) -> Any:
+        """The value of a variable; entries by index get the size of the structure that they are in."""
+        first = 1 if self.finder.first else 0
+        if variable.value is None and variable.entries and variable.shape is None:
+            size = self.stages.get(name.rpartition(".")[0])
+            rank = len(next(iter(variable.entries)))
+            if size is not None and all(max(index) < size + first for index in variable.entries) and rank < 3:
+                variable.shape = (size,) * rank
+        return variable.dense(self.finder.first)
+
+    def _merge_families(self) -> None:
+        """Turn a11, a21, … into matrices and b1, b2, … into rows, as dictionaries of their entries."""
+        for key, members in self.families.items():
+            two = [index for index in members if len(index) == 2]
+            long = [index for index in members if len(index) == 1 and len(index[0]) > 1]
+            if two or (long and len(long) == len(members)) :
+                entries = {_split(index): value for index, value in members.items()}
+                if len(entries) == len(members) and all(len(index) == 2 for index in entries):
+                    matrix = _lower(entries)
+                    if matrix is not None and key not in self.values:
+                        self.values[key] = matrix
+                        self.lines[key] = min(v.line for v in members.values())
+            elif key not in self.values:
+                self.values[key] = {int(index[0]): value for index, value in members.items()}
+                self.lines[key] = min(v.line for v in members.values())
+
+    # Finding.
+
+    def find(self) -> None:
+        """Report the methods of this group."""
+        parts = list(self._tableaus())
+        for fixed in (self._nystrom, self._rosenbrock, self._shu_osher):
+            found = fixed(parts)
+            if found:
+                return
+        if len(parts) >= 2:
+            parts = self._paired(parts)
+        for name, tables in parts:
+            self._report(name, "additive" if "A_explicit" in tables else "runge-kutta", tables)
+        if not parts and not self._low_storage() and not self._coupling() and not self._splitting():
+            self._numeric_families()
+
+    def _names(self, pre: str, role: tuple[str, ...], post: str) -> Iterator[str]:
+        for name in role:
+            yield f"{pre}{name}{post}"
+            if post:
+                yield f"{pre}{name}_{post.lstrip('_')}"
+
+    def _partner(self, pre: str, role: tuple[str, ...], post: str, *, around: bool = True) -> tuple[str, Any] | None:
+        """The array that has a role beside another with the same stem, here or around."""
+        for name in self._names(pre, role, post):
+            value = self.values.get(name)
+            if isinstance(value, list | dict) or (isinstance(value, Number) and not name.startswith("d")):
+                return name, value
+            if around and name not in self.faults:
+                outer = self.block.find(name) or self.block.find(f"_{name}")
+                value = outer.dense(self.finder.first) if outer is not None else None
+                if isinstance(value, list):
+                    return name, value
+        return None
+
+    def _tableaus(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Pairs of a stage matrix and weights, with nodes and embedded weights."""
+        seen = set()
+        for name in list(self.values):
+            value = self.values[name]
+            for letter in MATRICES:
+                for match in re.finditer(re.escape(letter), name):
+                    pre, post = name[: match.start()], name[match.end() :]
+                    if post and not re.fullmatch(r"_?(?:hat|ex\w*|im\w*|t|e|i|E|I|F|S|base|sb|f|tilde|\d{0,3})", post):
+                        continue
+                    weights = self._partner(pre, WEIGHTS, post)
+                    if weights is None and post == "":
+                        continue
+                    if weights is None:
+                        weights = self._partner(pre, WEIGHTS, "")
+                    if weights is None or weights[0] == name:
+                        continue
+                    tables = self._tableau(name, value, weights[1], pre, post)
+                    if tables is not None and name not in seen:
+                        seen.add(name)
+                        yield name, tables
+                    break
+                if name in seen:
+                    break
+        if not seen:
+            yield from self._without_weights()
+            yield from self._without_matrix()
+
+    def _without_weights(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Families of named entries whose last stage is the end of the step."""
+        for pre in ("", "e"):
+            value = self.values.get(f"{pre}a")
+            if isinstance(value, list) and len(value) > 1 and f"{pre}a" in self.families:
+                tables = self._tableau(f"{pre}a", value, [*value[-1]], pre, "")
+                if tables is not None:
+                    yield f"{pre}a", tables
+
+    def _without_matrix(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Structures with weights only: a method whose matrix is zero."""
+        for name, stages in self.stages.items():
+            weights = self.values.get(f"{name}.b")
+            if isinstance(weights, list) and len(weights) == stages:
+                rows = [[ZERO] * stages for _ in range(stages)]
+                tables = self._tableau(f"{name}.A", rows, weights, f"{name}.", "")
+                if tables is not None:
+                    yield f"{name}.A", tables
+
+    def _tableau(self, name: str, A: Any, b: Any, pre: str, post: str) -> dict[str, Any] | None:
+        """The tables of a stage matrix and its weights; None if their shapes do not fit."""
+        weights = _row(b)
+        matrix = _square(A, len(weights))
+        if isinstance(b, dict) and matrix is None and isinstance(A, list):
+            matrix = _square(A, 0)
+            weights = _row(b, len(matrix)) if matrix else weights
+        if matrix is None:
+            return None
+        diagonal = self._partner(pre, ("a_diagonal", "diagonal"), post, around=False)
+        if diagonal is not None:
+            matrix = _with_diagonal(matrix, _row(diagonal[1]))
+        stages = len(matrix)
+        if len(weights) < stages and isinstance(b, dict):
+            weights = _row(b, stages)
+        if len(weights) != stages or stages > MOST_STAGES:
+            return None
+        tables: dict[str, Any] = {"A": matrix, "b": weights}
+        nodes = self._partner(pre, NODES, post) or (self._partner(pre, NODES, "") if post else None)
+        found = self._nodes(matrix, nodes[1]) if nodes else None
+        if found is not None:
+            tables["c"] = found
+        for role, names in (("embedded", EMBEDDED), ("error", ERRORS)):
+            rows = []
+            for one in names:
+                partner = self._partner(pre, (one,), post, around=len(self.block.tables) < 2)
+                if partner and isinstance(partner[1], list | dict):
+                    row = _row(partner[1], stages)
+                    if len(row) == stages and all(isinstance(x, Number) for x in row) and row not in rows:
+                        rows.append(row)
+            if rows:
+                tables[role] = rows
+        return tables
+
+    def _nodes(self, matrix: list[list[Number]], given: Any) -> list[Number] | None:
+        """The nodes of the rows, which may start with the second stage."""
+        stages = len(matrix)
+        if isinstance(given, dict):
+            choices = [[given.get(i + shift) for i in range(stages)] for shift in (1, 0)]
+        else:
+            row = _row(given)
+            if not all(isinstance(x, Number) for x in row):
+                return None
+            if len(row) == stages:
+                return row
+            choices = [[None, *row, None][:stages]] if len(row) in (stages - 1, stages - 2) else []
+        if not choices:
+            return None
+        sums = [_sum(row) for row in matrix]
+        best = max(choices, key=lambda row: sum(x is not None and _agree(x, s) for x, s in zip(row, sums, strict=True)))
+        return [ZERO if x is None and i == 0 else x if x is not None else sums[i] for i, x in enumerate(best)]
+
+    # Kinds.
+
+    def _paired(self, parts: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
+        """Two tableaus whose names differ by a mark of the explicit or implicit part, as one additive method."""
+        found, used = [], set()
+        for i, (name, tables) in enumerate(parts):
+            if i in used:
+                continue
+            for j in range(i + 1, len(parts)):
+                other, more = parts[j]
+                if j not in used and _is_pair(name, other) and len(more["b"]) - len(tables["b"]) in (0, 1, -1):
+                    used.add(j)
+                    first, second = (tables, more) if not _is_explicit(tables["A"]) else (more, tables)
+                    tables = {**first, **{f"{key}_explicit": value for key, value in second.items()}}
+                    break
+            found.append((name, tables))
+        return found
+
+    def _nystrom(self, parts: list[Any]) -> bool:
+        """A matrix and weights for positions, and weights for velocities."""
+        for pre in {""}:
+            matrix, b = self.values.get(f"{pre}a", self.values.get("A")), self.values.get(f"{pre}b")
+            velocities = next((self.values[n] for n in ("bp", "bbar", "b̄", "bprime", "dbp") if n in self.values), None)
+            if matrix is None or b is None or velocities is None:
+                return False
+            weights = _row(velocities)
+            rows = _square(matrix, len(weights))
+            if rows is None:
+                return False
+            tables = {"A": rows, "b": _row(b, len(weights)), "b_velocity": weights}
+            for key, names in (("A_velocity", ("abar", "Abar", "ap")), ("c", NODES), ("error", ("btilde",)),
+                               ("error_velocity", ("bptilde",))):  # fmt: skip
+                value = next((self.values[n] for n in names if isinstance(self.values.get(n), list)), None)
+                if value is not None:
+                    row = value if key == "A_velocity" else _row(value)
+                    tables[key] = [ZERO, *row] if key == "c" and len(row) == len(weights) - 1 else row
+            self._report("a", "nystrom", tables)
+            return True
+        return False
+
+    def _rosenbrock(self, parts: list[Any]) -> bool:
+        """Two matrices A and C or Γ, and weights."""
+        found = False
+        for name in list(self.values):
+            match = re.fullmatch(r"(.*)(Gamma|Γ|C)(.*)", name)
+            if not match or not isinstance(self.values[name], list | Number):
+                continue
+            pre, letter, post = match.groups()
+            A = self.values.get(f"{pre}A{post}")
+            matrix = _square(A, 0)
+            other = _square(self.values[name], 0)
+            if matrix is None or other is None or not isinstance(self.values[name], list) == isinstance(A, list):
+                continue
+            tables = {"A": matrix, "C" if letter == "C" else "Gamma": other}
+            for key, names in (("b", ("b",)), ("c", ("c",)), ("d", ("d",)), ("error", ("btilde",)),
+                               ("embedded", ("b2", "b1", "bembed", "bm")), ("gamma", ("gamma", "γ", "g"))):  # fmt: skip
+                partner = self._partner(pre, names, post)
+                if partner is not None:
+                    tables[key] = _row(partner[1]) if key not in ("gamma",) else partner[1]
+            if "b" in tables or pre:
+                self._report(name, "rosenbrock", tables)
+                found = True
+        return found
+
+    def _shu_osher(self, parts: list[Any]) -> bool:
+        """Matrices α and β with one row for each stage and the result."""
+        alpha, beta = (
+            next((self.values[n] for n in names if isinstance(self.values.get(n), list)), None)
+            for names in (("alpha", "α"), ("beta", "β"))
+        )
+        if alpha is None or beta is None or parts:
+            return False
+        if not all(isinstance(row, list) for row in (*alpha, *beta)) or len(alpha) != len(beta):
+            return False
+        self._report("alpha", "shu-osher", {"alpha": alpha, "beta": beta})
+        return True
+
+    def _low_storage(self) -> bool:
+        """Vectors of registers: 2N methods with A and B, 2S* methods with γ1, γ2, β and δ."""
+        rows = {name: value for name, value in self.values.items() if isinstance(value, list | dict)}
+        A = next((rows[n] for n in ("A", "A2end", "a", "coef_a") if n in rows), None)
+        B = next((rows[n] for n in ("B", "b", "B2end", "coef_b", "β") if n in rows), None)
+        gammas = [n for n in rows if re.fullmatch(r"(?:gamma|γ)\d{2,3}(?:end)?|(?:gamma|γ)\d(?:end)?", n)]
+        if len(gammas) >= 2:
+            self._report(gammas[0], "2s", {n: _row(rows[n]) for n in rows if all(isinstance(x, Number) for x in _row(rows[n]))})
+            return True
+        if A is None or B is None or not ("B2end" in rows or {"A", "B"} <= rows.keys() or {"coef_a", "coef_b"} <= rows.keys()):
+            return False
+        a, b = _row(A), _row(B)
+        first = self.values.get("B1")
+        if "B2end" in rows and isinstance(first, Number):
+            a, b = [ZERO, *_row(rows["A2end"])], [first, *_row(rows["B2end"])]
+        if len(a) != len(b) or not all(isinstance(x, Number) for x in (*a, *b)):
+            return False
+        tables = {"A": a, "B": b}
+        nodes = rows.get("c2end", rows.get("c"))
+        if nodes is not None:
+            c = _row(nodes)
+            tables["c"] = [ZERO, *c] if len(c) == len(a) - 1 else c
+        self._report("B1" if "B1" in self.lines else "A", "2n", tables)
+        return True
+
+    def _coupling(self) -> bool:
+        """Matrices of couplings W and G of multirate methods."""
+        for name in self.stages:
+            arrays = {key: self.values[f"{name}.{key}"] for key in ("W", "G") if isinstance(self.values.get(f"{name}.{key}"), list)}
+            if arrays:
+                nodes = self.values.get(f"{name}.c")
+                self._report(f"{name}.{next(iter(arrays))}", "coupling", {**arrays, **({"c": nodes} if nodes else {})})
+                return True
+        return False
+
+    def _splitting(self) -> bool:
+        """Two rows of fractions of a step."""
+        found = False
+        for pre in dict.fromkeys(name.rpartition(".")[0] for name in self.values):
+            dot = f"{pre}." if pre else ""
+            for one, two in (("a", "ahat"), ("a", "b"), ("c", "d"), ("alpha", "beta")):
+                a, b = self.values.get(f"{dot}{one}"), self.values.get(f"{dot}{two}")
+                if a is None or b is None or isinstance(a, Number) or isinstance(b, Number):
+                    continue
+                x, y = _row(a), _row(b)
+                size = max(len(x), len(y))
+                flat = all(isinstance(v, Number) for v in (*x, *y)) and len(x) - len(y) in (-1, 0, 1)
+                if flat and all(abs(sum(map(_near, row)) - 1) < NEAR for row in (x, y)) and size <= MOST_STAGES:
+                    self._report(f"{dot}{one}", "splitting", {one: x, two: y})
+                    found = True
+                    break
+                if two == "beta" and dot and isinstance(b, list):
+                    self._report(f"{dot}{one}", "splitting", {one: x, two: b})
+                    found = True
+                    break
+        return found
+
+    def _numeric_families(self) -> None:
+        """Families of other letters: nodes are row sums, and weights sum to 1."""
+        matrices = [n for n, v in self.values.items() if isinstance(v, list) and n in self.families]
+        vectors = {n: v for n, v in self.values.items() if isinstance(v, dict)}
+        for name in matrices:
+            rows = _square(self.values[name], 0)
+            if rows is None or len(rows) < 2:
+                continue
+            stages = len(rows)
+            fitting = {n: _row(v, stages) for n, v in vectors.items() if max(v) <= stages}
+            sums = [_sum(row) for row in rows]
+            scores = {n: sum(_agree(x, s) for x, s in zip(v, sums, strict=True)) for n, v in fitting.items() if len(v) == stages}
+            nodes = max(scores, key=scores.__getitem__, default=None)
+            if nodes is None or scores[nodes] < max(2, stages // 2):
+                continue
+            weights = [n for n, v in fitting.items() if n != nodes and abs(sum(map(_near, v)) - 1) < NEAR]
+            if not weights:
+                continue
+            tables = {"A": rows, "b": fitting[weights[0]], "c": fitting[nodes]}
+            if len(weights) > 1:
+                tables["embedded"] = [fitting[n] for n in weights[1:]]
+            self._report(name, "runge-kutta", tables)
+            return
+
+    # Reports.
+
+    def _report(self, name: str, kind: str, tables: Mapping[str, Any]) -> None:
+        """Add a record, unless a block around or before has had the same numbers."""
+        key = tuple(id(x) for array in tables.values() for x in _flat(array) if isinstance(x, Number))
+        if key in self.finder.used or not any(_near(x) for array in tables.values() for x in _flat(array)):
+            return
+        self.finder.used.add(key)
+        line = self.lines.get(name) or next(iter(self.lines.values()), 1)
+        self.finder.records.append(
+            Record(self._title(name), self.finder.source.name, line, kind, tables, self._claims())
+        )
+
+    def _title(self, name: str) -> str:
+        """The name of the method of a table: that of its block, or the stem of its own name."""
+        stem = re.sub(r"_?(?:A|a|Gamma|C)(?:_?(?:hat|\w))?$", "", name.rpartition(".")[2]).strip("_")
+        block: Block | None = self.block
+        title = stem if len(stem) > 1 else ""
+        while block is not None and not title:
+            title = block.name
+            block = block.parent
+        return title or name
+
+    def _claims(self) -> dict[str, str]:
+        claims = {}
+        for name, variable in self.variables.items():
+            key = name.rpartition(".")[2]
+            if key in CLAIMS and isinstance(variable.value, Number):
+                claims[key] = str(variable.value.value)
+        return claims
+
+
+def _plain(name: str) -> str:
+    """A name without marks that say nothing of its role."""
+    head, dot, tail = name.rpartition(".")
+    return head + dot + re.sub(r"^_+|(?:_vec|_mat|_matrix|_array)$", "", tail)
+
+
+def _split(index: tuple[str, ...]) -> tuple[int, ...]:
+    """The row and the column in the digits of a name: 21, 101 (10, 1), 1012 or 10_12."""
+    if len(index) == 2:
+        return int(index[0]), int(index[1])
+    digits = index[0]
+    half = (len(digits) + 1) // 2
+    if len(digits) < 2:
+        return (int(digits),)
+    return int(digits[:half]), int(digits[half:])
+
+
+def _lower(entries: dict[tuple[int, ...], Number]) -> list[list[Number]] | None:
+    """A square matrix of entries by row and column, from 0 or from 1."""
+    first = min(1, *(min(index) for index in entries))
+    size = max(max(index) for index in entries) + 1 - first
+    if size > MOST_STAGES or first < 0:
+        return None
+    return [[entries.get((i + first, j + first), ZERO) for j in range(size)] for i in range(size)]
+
+
+def _row(values: Any, size: int | None = None) -> list[Any]:
+    """A row of entries, also of one, and from a dictionary by stage, from 0 or from 1."""
+    if isinstance(values, dict):
+        first = min(1, *values)
+        size = max(max(values) + 1 - first, size or 0)
+        return [values.get(i + first, ZERO) for i in range(size)]
+    row = values if isinstance(values, list) else [values]
+    if row and all(isinstance(x, list) and len(x) == 1 for x in row):
+        row = [x[0] for x in row]
+    if len(row) == 1 and isinstance(row[0], list) and size != 1:
+        row = row[0]
+    return row + [ZERO] * (size - len(row)) if size is not None and 0 < size - len(row) <= 3 else row
+
+
+def _square(values: Any, stages: int) -> list[list[Number]] | None:
+    """A stage matrix from rows, from rows below the diagonal, or from one long row."""
+    if isinstance(values, Number):
+        return [[values]] if stages in (0, 1) else None
+    if not isinstance(values, list) or not values:
+        return None
+    if not any(isinstance(row, list) for row in values):
+        if not stages or len(values) != stages * stages:
+            return [[values[0]]] if len(values) == 1 and stages in (0, 1) else None
+        return [values[i * stages : (i + 1) * stages] for i in range(stages)]
+    rows = [row if isinstance(row, list) else [row] for row in values]
+    if not all(isinstance(x, Number) for row in rows for x in row):
+        return None
+    widest = max(map(len, rows))
+    if [len(row) for row in rows] == list(range(1, len(rows) + 1)) and stages == len(rows) + 1:
+        rows = [[], *rows]
+    size = stages or max(len(rows), widest)
+    if size == len(rows) + 1 and widest == len(rows) and stages:  # the first stage has no row
+        rows = [[], *rows]
+    if size > MOST_STAGES or len(rows) != size or widest > size:
+        return None
+    return [row + [ZERO] * (size - len(row)) for row in rows]
+
+
+def _with_diagonal(matrix: list[list[Number]], diagonal: list[Number]) -> list[list[Number]]:
+    if len(diagonal) != len(matrix):
+        return matrix
+    return [[*row[:i], diagonal[i], *row[i + 1 :]] for i, row in enumerate(matrix)]
+
+
+def _is_explicit(matrix: list[list[Number]]) -> bool:
+    return not any(_near(x) for i, row in enumerate(matrix) for x in row[i:])
+
+
+def _is_pair(one: str, two: str) -> bool:
+    """Whether names differ by a mark of a part only, such as A_hat, At or Ai and Ae."""
+    marks = r"_?(?:hat|explicit|implicit|exp|imp|ex|im|t|e|i|E|I|F|S)$"
+    return re.sub(marks, "", one) == re.sub(marks, "", two) or (one, two) in (("a", "ea"), ("ea", "a"))
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    if isinstance(value, list):
+        for entry in value:
+            yield from _flat(entry)
+    elif value is not None:
+        yield value
+
+
+def _near(x: Any) -> float:
+    """A number to some digits, for comparisons that tell roles."""
+    return x.near if isinstance(x, Number) else float("nan")
+
+
+def _sum(row: list[Number]) -> Number:
+    """The sum of a row."""
+    total = ZERO
+    for x in row:
+        total = combine("+", total, x)
+    return total
+
+
+def _agree(x: Number, y: Number) -> bool:
+    return abs(_near(x) - _near(y)) < NEAR
