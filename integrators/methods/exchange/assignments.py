@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
+from integrators.core.errors import IntegratorError
 from integrators.methods.exchange.numbers import ZERO, Number, Struct
-from integrators.methods.exchange.tokens import OPENING, Source
+from integrators.methods.exchange.tokens import LANGUAGES, OPENING, Source, Token
 from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
 
 LARGEST_INDEX = 1000
+MOST_DECLARED = 200
+"""Tokens before a name that are searched for its type."""
 MOST_BLOCKS = 200
 """Of nested blocks; blocks further inside have no names of their own."""
 
@@ -51,7 +54,9 @@ class Variable:
         return _nested(shape, self.entries, first)
 
 
-def _nested(shape: tuple[int, ...], entries: dict[tuple[int, ...], Number], first: int, *, at: tuple[int, ...] = ()) -> Any:
+def _nested(
+    shape: tuple[int, ...], entries: dict[tuple[int, ...], Number], first: int, *, at: tuple[int, ...] = ()
+) -> Any:
     if not shape:
         return entries.get(at, ZERO)
     return [_nested(shape[1:], entries, first, at=(*at, i + first)) for i in range(shape[0])]
@@ -60,7 +65,9 @@ def _nested(shape: tuple[int, ...], entries: dict[tuple[int, ...], Number], firs
 class Block:
     """A function, a pair of brackets or a file, with the variables assigned in it, one table for each method."""
 
-    def __init__(self, name: str, start: int, parent: Block | None, *, end: int | None = None, indent: int = -1) -> None:
+    def __init__(
+        self, name: str, start: int, parent: Block | None, *, end: int | None = None, indent: int = -1
+    ) -> None:
         self.name = name
         self.start = start
         self.end = end
@@ -214,12 +221,22 @@ class Assignments:
         try:
             value = self.reader.read(i + 1, in_line=is_line)
             end: int | None = self.reader.i
+            if is_line and any(token.text in "+-" and token.kind == "sign" for token in self._outside(i + 2, end)):
+                value = Unknown("is a macro of a sum without brackets")
         except Unread as error:
             value, end = Unknown(str(error)), None
+            if self.tokens[i + 1].text == name and self.tokens[i + 2].text in (";", ",", ")", "\n", ""):
+                value = None  # itself
         except RecursionError:
             value, end = Unknown("has too many nested brackets"), None
         self._assign(name, indices, value, i, is_declared=is_declared)
         return end
+
+    def _outside(self, i: int, end: int) -> Iterator[Token]:
+        """The tokens that are in no brackets."""
+        while i < end:
+            yield self.tokens[i]
+            i = self.source.partner.get(i, i) + 1 if self.tokens[i].text in OPENING else i + 1
 
     def _is_key(self, i: int, sign: str) -> bool:
         """Whether a sign stands between a key and its value."""
@@ -257,21 +274,34 @@ class Assignments:
                 break
             parts.insert(0, "".join(t.text for t in self.tokens[k : j - 1]))
             j = k
+        is_declared = bool(opened) and self._declares(j)
         indices: list[Any] = []
         for start in opened:
             self.reader.i = start
-            found = self.reader.indices()
-            if found is None:
-                return (".".join(parts), [None], False)
-            indices += found
-        before = self.tokens[j - 1] if j else None
-        declared = self.language.first == 0 and self.language.rounds and before is not None and (
-            (before.kind == "name" and before.text != "return") or (before.text == "," and self._is_declaration(j))
-            or before.text in ("*", "&", ">")
-        )
-        if self.language.indexed == "(" and self._is_declaration(j):
-            declared = True
-        return ".".join(parts), indices, bool(declared and indices)
+            found = None if self.source.partner[start] == start + 1 else self.reader.indices()
+            if found is None and not is_declared:
+                return ".".join(parts), [None], False
+            indices += found or [0]  # a size that is not given
+        return ".".join(parts), indices, is_declared
+
+    def _declares(self, j: int) -> bool:
+        """Whether a name with brackets is declared here, with sizes."""
+        if self.language.indexed == "(":
+            return self._is_declaration(j)
+        k = self._before(j)
+        before = self.tokens[k]
+        if k < 0 or not self.language.rounds:
+            return False
+        if before.kind == "name" or before.text in ("*", "&", ">"):
+            return before.text != "return"
+        return before.text == "," and self._is_declaration(k)
+
+    def _before(self, j: int) -> int:
+        """The index of the token before another that is not the end of a line."""
+        j -= 1
+        while j > 0 and self.tokens[j].kind == "line":
+            j -= 1
+        return j
 
     def _annotated(self, i: int) -> str | None:
         """The name in front of an annotation `name: type =` or `name::type =`."""
@@ -279,36 +309,38 @@ class Assignments:
             return None
         j = i - 1
         while j > self.block.start and self.tokens[j].kind != "line" and self.tokens[j].text not in ("=", ";"):
-            if self.tokens[j].text in (":", "::") and self.tokens[j - 1].kind == "name" and self.tokens[j].kind == "sign":
+            if (
+                self.tokens[j].text in (":", "::")
+                and self.tokens[j - 1].kind == "name"
+                and self.tokens[j].kind == "sign"
+            ):
                 if j < 2 or self.tokens[j - 2].kind == "line" or self.tokens[j - 2].text in (";", ",", "(", "const"):
                     return self.tokens[j - 1].text
             j = self.source.partner.get(j, j) - 1
         return None
 
     def _is_declaration(self, j: int) -> bool:
-        """Whether the statement of a name declares it."""
-        limit = max(0, j - 400)
-        while j > limit and self.tokens[j].text not in (";", "}", "{"):
-            if self.tokens[j].text == "::":
-                return True
-            if self.language.ends_with_line and self.tokens[j].kind == "line":
+        """Whether the statement of a token declares names: it starts with two words, or has ``::``."""
+        for _ in range(MOST_DECLARED):
+            token = self.tokens[j]
+            if token.text in (")", "]", "}") and j in self.source.partner:
+                j = self.source.partner[j]
+            elif token.text in (";", "{", "(") or j <= 0 or (token.kind == "line" and self.language.ends_with_line):
                 return False
-            if self.tokens[j].kind == "name" and self.tokens[j - 1].kind == "name":
+            elif token.text == "::" and self.language.indexed == "(":
                 return True
-            j = self.source.partner.get(j, j) - 1 if self.tokens[j].text in (")", "]", "}") else j - 1
-            if self.tokens[j].text == "}" and self.tokens[j].kind == "sign" and j in self.source.partner:
-                j = self.source.partner[j] - 1
-        return self.tokens[j + 1].kind == "name" and self.tokens[j + 2].kind == "name"
+            elif token.kind == "name" and self.tokens[self._before(j)].kind == "name":
+                return True
+            j = self._before(j)
+        return False
 
     def _assign(self, name: str, indices: list[Any], value: Any, i: int, *, is_declared: bool) -> None:
         line = self.source.line(self.tokens[i].start)
         table = self.block.tables[-1]
         known = self.block.find(name) if indices and not is_declared else table.get(name)
-        if known is None and name not in table:
-            known = table[name] = Variable(name, line)
-        elif indices and not is_declared and name not in table and known is not None and self._is_own(known):
-            pass
-        variable = known if known is not None else table[name]
+        variable = known
+        if variable is None:
+            variable = table[name] = Variable(name, line)
         if indices and not is_declared:
             self._change(variable, indices, value)
             return
@@ -323,19 +355,13 @@ class Assignments:
         if not is_conversion or variable.value is None:
             variable.times += value is not None
             variable.line = line
-        variable.is_moved = self.tokens[i + 1].kind == "name" and self.reader.i == i + 2
+        is_name = self.tokens[i + 1].kind == "name" and self.reader.i == i + 2
+        variable.is_moved = is_name and not isinstance(value, Unknown)
         variable.is_filled = _is_constant(value)
-        if isinstance(value, list) and variable.is_filled:
-            value = _copy(value)
-        elif isinstance(value, list):
-            value = _copy(value)
-        variable.value = value
-        if is_declared and all(isinstance(size, int) for size in indices):
+        variable.value = _copy(value)
+        if is_declared and all(isinstance(size, int) for size in indices) and any(indices):
             variable.shape = tuple(indices)
             variable.value = _declared(value, tuple(indices))
-
-    def _is_own(self, variable: Variable) -> bool:
-        return any(variable is found for table in self.block.tables for found in table.values())
 
     def _is_table(self, variable: Variable) -> bool:
         """Whether an array has rows: another one in its place belongs to the next method."""
@@ -394,7 +420,9 @@ class Assignments:
                 j += 1
         except Unread:
             return None
-        self._assign(name.text, [], values if len(values) > 1 else values[0] if values else None, i + 2, is_declared=False)
+        self._assign(
+            name.text, [], values if len(values) > 1 else values[0] if values else None, i + 2, is_declared=False
+        )
         return j + 1
 
 
@@ -405,8 +433,10 @@ def _shown(indices: list[Any]) -> str:
 def _is_constant(value: Any) -> bool:
     """Whether all entries of an array are one number."""
     flat = list(_flat(value)) if isinstance(value, list) else []
-    return bool(flat) and all(x is flat[0] or x == flat[0] for x in flat) and getattr(flat[0], "text", "") in (
-        "zeros", "ones", "Matrix", "Vector", "Array"
+    return (
+        bool(flat)
+        and all(x is flat[0] or x == flat[0] for x in flat)
+        and getattr(flat[0], "text", "") in ("zeros", "ones", "Matrix", "Vector", "Array")
     )
 
 
@@ -419,7 +449,7 @@ def _flat(value: Any) -> Iterator[Any]:
 
 
 def _copy(value: Any) -> Any:
-    return [_copy(entry) for entry in value] if isinstance(value, list) else value
+    return type(value)(_copy(entry) for entry in value) if isinstance(value, list) else value
 
 
 def _declared(value: Any, shape: tuple[int, ...]) -> Any:
@@ -465,3 +495,28 @@ def _put(array: list[Any], indices: list[Any], value: Any, first: int) -> bool:
         return False
     array[place] = value
     return True
+
+
+def read_arrays(text: str, names: Iterable[str], language: str) -> dict[str, Any]:
+    """The values that a text assigns to names, each once, as nested lists of numbers.
+
+    Example:
+        >>> found = read_arrays("A = [0 0; 1//2 0]; b = [0, 1] # weights", ["A", "b"], "julia")
+        >>> str(found["A"][1][0].value)
+        '1/2'
+    """
+    source = Source(text, LANGUAGES[language])
+    tables = [table for block in Assignments(source).blocks for table in block.tables]
+    found = {}
+    for name in names:
+        variables = [table[name] for table in tables if name in table]
+        given = [(v, v.dense(source.language.first)) for v in variables if not v.is_moved]
+        given = [(variable, value) for variable, value in given if value is not None]
+        if len(given) > 1 or any(variable.times > 1 for variable, _ in given):
+            raise IntegratorError(f"{name} must be assigned once, as a whole, but was more than once")
+        for _, value in given:
+            if isinstance(value, Unknown):
+                what = "must be an array of numbers, with + - * /, sqrt and cosines only, but "
+                raise IntegratorError(f"{name} {what if value.what.startswith('has') else ''}{value.what}")
+            found[name] = value
+    return found

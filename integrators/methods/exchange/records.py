@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from os import PathLike, fspath
-from typing import Any, NamedTuple
+from typing import Any
 
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
 from integrators.methods.exchange.assignments import Assignments, Block, Unknown, Variable
-from integrators.methods.exchange.numbers import ONE, ZERO, Number, Struct, combine
+from integrators.methods.exchange.numbers import ZERO, Number, Struct, combine
 from integrators.methods.exchange.tokens import LANGUAGES, Source, language_of
 
 MOST_STAGES = 200
@@ -30,10 +29,10 @@ ERRORS = ("b_error", "btilde", "b_tilde", "E", "er")
 CLAIMS = ("order", "embedded_order", "adaptiveorder", "q", "p", "o", "name", "shortname", "description", "stages")
 
 
-class Table(NamedTuple):
-    """The arrays of a method by name, each nested lists of `Number`s."""
-
-    arrays: Mapping[str, Any]
+MADE = re.compile(r"Register|Tableau|RungeKutta|_Create|RK(?:Method|Pair)")
+"""In the names of functions that make a method of its tables."""
+MOST_TOKENS = 20_000
+"""Of a method, that are searched for what it says of itself."""
 
 
 @dataclass(frozen=True)
@@ -124,13 +123,12 @@ class _Group:
         self.start = block.starts[k]
         self.end = block.starts[k + 1] if k + 1 < len(block.starts) else block.end
         self.variables = block.tables[k]
-        self.stages = {
-            name: v.value.stages for name, v in self.variables.items() if isinstance(v.value, Struct)
-        }
+        self.stages = {name: v.value.stages for name, v in self.variables.items() if isinstance(v.value, Struct)}
         self.values: dict[str, Any] = {}
         self.lines: dict[str, int] = {}
         self.faults: dict[str, str] = {}
         self.families: dict[str, dict[tuple[int, ...], Number]] = {}
+        self.said: str | None = None
         self._collect()
 
     def _collect(self) -> None:
@@ -169,7 +167,7 @@ class _Group:
         for key, members in self.families.items():
             two = [index for index in members if len(index) == 2]
             long = [index for index in members if len(index) == 1 and len(index[0]) > 1]
-            if two or (long and len(long) == len(members)) :
+            if two or (long and len(long) == len(members)):
                 entries = {_split(index): value for index, value in members.items()}
                 if len(entries) == len(members) and all(len(index) == 2 for index in entries):
                     matrix = _lower(entries)
@@ -217,10 +215,13 @@ class _Group:
 
     def _tableaus(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Pairs of a stage matrix and weights, with nodes and embedded weights."""
-        seen = set()
-        for name in list(self.values):
-            value = self.values[name]
-            for letter in MATRICES:
+        seen: set[str] = set()
+        whole = [name for name in self.values if name not in self.families]
+        for name in (*whole, *self.families):
+            if name in self.families and seen.difference(self.families):
+                break  # entries with names of their own fill the arrays
+            value = self.values.get(name)
+            for letter in MATRICES if isinstance(value, list | Number) else ():
                 for match in re.finditer(re.escape(letter), name):
                     pre, post = name[: match.start()], name[match.end() :]
                     if post and not re.fullmatch(r"_?(?:hat|ex\w*|im\w*|t|e|i|E|I|F|S|base|sb|f|tilde|\d{0,3})", post):
@@ -244,13 +245,18 @@ class _Group:
             yield from self._without_matrix()
 
     def _without_weights(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Families of named entries whose last stage is the end of the step."""
-        for pre in ("", "e"):
-            value = self.values.get(f"{pre}a")
-            if isinstance(value, list) and len(value) > 1 and f"{pre}a" in self.families:
-                tables = self._tableau(f"{pre}a", value, [*value[-1]], pre, "")
-                if tables is not None:
-                    yield f"{pre}a", tables
+        """Matrices whose last stage is the end of the step, so that their last rows are the weights."""
+        for name, post in (("a", ""), ("ea", ""), ("A", ""), ("At", "t")):
+            value = self.values.get(name)
+            rows = _square(value, 0) if isinstance(value, list) else None
+            if rows is None or len(rows) < 2 or not (name in self.families or {"A", "At"} <= self.values.keys()):
+                continue
+            last = _square(self.values["At"], len(rows)) if "At" in self.values else rows
+            tables = self._tableau(
+                name, value, [*(last or rows)[-1]], name[:-1] if not post and name != "A" else "", post
+            )
+            if tables is not None and ("error" in tables or abs(_near(_sum(tables["b"])) - 1) < NEAR):
+                yield name, tables
 
     def _without_matrix(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Structures with weights only: a method whose matrix is zero."""
@@ -277,7 +283,9 @@ class _Group:
         stages = len(matrix)
         if len(weights) < stages and isinstance(b, dict):
             weights = _row(b, stages)
-        if len(weights) != stages or stages > MOST_STAGES:
+        if len(weights) != stages or stages > MOST_STAGES or not all(isinstance(x, Number) for x in weights):
+            return None
+        if isinstance(A, Number) and (pre or post):
             return None
         tables: dict[str, Any] = {"A": matrix, "b": weights}
         nodes = self._partner(pre, NODES, post) or (self._partner(pre, NODES, "") if post else None)
@@ -292,8 +300,9 @@ class _Group:
                     row = _row(partner[1], stages)
                     if len(row) == stages and all(isinstance(x, Number) for x in row) and row not in rows:
                         rows.append(row)
-            if rows:
-                tables[role] = rows
+            for row in rows:
+                is_error = role == "error" or abs(sum(map(_near, row))) < NEAR
+                tables.setdefault("error" if is_error else "embedded", []).append(row)
         return tables
 
     def _nodes(self, matrix: list[list[Number]], given: Any) -> list[Number] | None:
@@ -324,7 +333,9 @@ class _Group:
                 continue
             for j in range(i + 1, len(parts)):
                 other, more = parts[j]
-                if j not in used and _is_pair(name, other) and len(more["b"]) - len(tables["b"]) in (0, 1, -1):
+                if j not in used and not any(map(_near, more["b"])):
+                    used.add(j)  # no second part
+                elif j not in used and _is_pair(name, other) and len(more["b"]) - len(tables["b"]) in (0, 1, -1):
                     used.add(j)
                     first, second = (tables, more) if not _is_explicit(tables["A"]) else (more, tables)
                     tables = {**first, **{f"{key}_explicit": value for key, value in second.items()}}
@@ -388,6 +399,8 @@ class _Group:
             return False
         if not all(isinstance(row, list) for row in (*alpha, *beta)) or len(alpha) != len(beta):
             return False
+        if sum(abs(sum(map(_near, row)) - 1) < NEAR for row in alpha) < len(alpha) // 2:
+            return False
         self._report("alpha", "shu-osher", {"alpha": alpha, "beta": beta})
         return True
 
@@ -398,9 +411,15 @@ class _Group:
         B = next((rows[n] for n in ("B", "b", "B2end", "coef_b", "β") if n in rows), None)
         gammas = [n for n in rows if re.fullmatch(r"(?:gamma|γ)\d{2,3}(?:end)?|(?:gamma|γ)\d(?:end)?", n)]
         if len(gammas) >= 2:
-            self._report(gammas[0], "2s", {n: _row(rows[n]) for n in rows if all(isinstance(x, Number) for x in _row(rows[n]))})
+            self._report(
+                gammas[0], "2s", {n: _row(rows[n]) for n in rows if all(isinstance(x, Number) for x in _row(rows[n]))}
+            )
             return True
-        if A is None or B is None or not ("B2end" in rows or {"A", "B"} <= rows.keys() or {"coef_a", "coef_b"} <= rows.keys()):
+        if (
+            A is None
+            or B is None
+            or not ("B2end" in rows or {"A", "B"} <= rows.keys() or {"coef_a", "coef_b"} <= rows.keys())
+        ):
             return False
         a, b = _row(A), _row(B)
         first = self.values.get("B1")
@@ -419,7 +438,11 @@ class _Group:
     def _coupling(self) -> bool:
         """Matrices of couplings W and G of multirate methods."""
         for name in self.stages:
-            arrays = {key: self.values[f"{name}.{key}"] for key in ("W", "G") if isinstance(self.values.get(f"{name}.{key}"), list)}
+            arrays = {
+                key: self.values[f"{name}.{key}"]
+                for key in ("W", "G")
+                if isinstance(self.values.get(f"{name}.{key}"), list)
+            }
             if arrays:
                 nodes = self.values.get(f"{name}.c")
                 self._report(f"{name}.{next(iter(arrays))}", "coupling", {**arrays, **({"c": nodes} if nodes else {})})
@@ -459,7 +482,11 @@ class _Group:
             stages = len(rows)
             fitting = {n: _row(v, stages) for n, v in vectors.items() if max(v) <= stages}
             sums = [_sum(row) for row in rows]
-            scores = {n: sum(_agree(x, s) for x, s in zip(v, sums, strict=True)) for n, v in fitting.items() if len(v) == stages}
+            scores = {
+                n: sum(_agree(x, s) for x, s in zip(v, sums, strict=True))
+                for n, v in fitting.items()
+                if len(v) == stages
+            }
             nodes = max(scores, key=scores.__getitem__, default=None)
             if nodes is None or scores[nodes] < max(2, stages // 2):
                 continue
@@ -481,27 +508,57 @@ class _Group:
             return
         self.finder.used.add(key)
         line = self.lines.get(name) or next(iter(self.lines.values()), 1)
-        self.finder.records.append(
-            Record(self._title(name), self.finder.source.name, line, kind, tables, self._claims())
-        )
+        claims = self._claims()
+        self.said = self._said_name(claims)
+        self.finder.records.append(Record(self._title(name), self.finder.source.name, line, kind, tables, claims))
 
     def _title(self, name: str) -> str:
-        """The name of the method of a table: that of its block, or the stem of its own name."""
-        stem = re.sub(r"_?(?:A|a|Gamma|C)(?:_?(?:hat|\w))?$", "", name.rpartition(".")[2]).strip("_")
+        """The name of the method of a table: what it says of itself, the stem of its own name, or that of its block."""
+        stem = re.sub(
+            r"_?(?:[Aa]|a_lower|Gamma|C|alpha|α|B1|gamma\w*|γ\w*)(?:_?(?:hat|\w))?$", "", name.rpartition(".")[2]
+        )
+        if len(stem.strip("_")) > 1:
+            return stem.strip("_")
+        if self.said is not None:
+            return self.said
         block: Block | None = self.block
-        title = stem if len(stem) > 1 else ""
-        while block is not None and not title:
-            title = block.name
+        while block is not None:
+            if len(block.name) > 2:
+                return block.name
             block = block.parent
-        return title or name
+        return name
 
     def _claims(self) -> dict[str, str]:
+        """What the source says of the method: numbers with such names, texts, and the comment before."""
         claims = {}
         for name, variable in self.variables.items():
             key = name.rpartition(".")[2]
             if key in CLAIMS and isinstance(variable.value, Number):
                 claims[key] = str(variable.value.value)
+        source = self.finder.source
+        tokens = source.tokens
+        for i in range(self.start, min(self.end or len(tokens), self.start + MOST_TOKENS)):
+            if tokens[i].kind == "text" and tokens[i - 1].text == "=" and tokens[i - 2].text in CLAIMS:
+                claims.setdefault(tokens[i - 2].text, tokens[i].text.strip("\"'ru"))
+            elif tokens[i].kind == "name" and tokens[i + 1].text in ("(", "{") and MADE.search(tokens[i].text):
+                end = source.partner.get(i + 1, i + 1)
+                if tokens[i + 1].text == "{":
+                    end = source.partner.get(end + 1, end)
+                if i > self.start + 1 and "call" not in claims:
+                    last = tokens[min(end, len(tokens) - 1)]
+                    claims["call"] = " ".join(source.text[tokens[i].start : last.start + 1].split())[:500]
+        comment = source.comment(tokens[self.start].start)
+        if comment:
+            claims["comment"] = comment
         return claims
+
+    def _said_name(self, claims: Mapping[str, str]) -> str | None:
+        """A name in a text or in the call that makes the method."""
+        if "name" in claims:
+            return claims["name"]
+        match = re.search(r"[({,]\s*(?::|Symbol\()?[\"']?([A-Za-z][\w-]{2,})", claims.get("call", ""))
+        is_constant = match is not None and (match[1].isupper() or ":" + match[1] in claims["call"])
+        return match[1] if match is not None and (is_constant or '"' in match[0]) else None
 
 
 def _plain(name: str) -> str:

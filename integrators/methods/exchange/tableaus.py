@@ -15,14 +15,16 @@ from integrators.core.errors import IntegratorError, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
-from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
+from integrators.methods.exchange.assignments import read_arrays
 from integrators.methods.exchange.formats import FORMATS, Arrays, Entries, Format, plain_format
+from integrators.methods.exchange.numbers import Number
 from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
+MOST_CHARACTERS = 1_000_000
 LEAST_ROUNDED = 10
 """Decimals with fewer digits are exact: as doubles they satisfy order conditions to 9 digits."""
 
@@ -192,7 +194,8 @@ def _built(form: Format, arrays: Mapping[str, object], name: str | None, entries
 def _zeros(values: object) -> Any:
     """Nested lists of zeros in place of values."""
     values = as_lists(values)
-    return [_zeros(value) for value in values] if isinstance(values, list | tuple) else Fraction(0)
+    is_array = isinstance(values, list | tuple) and not isinstance(values, Number)
+    return [_zeros(value) for value in values] if is_array else Fraction(0)
 
 
 def _tableau(form: Format, arrays: Mapping[str, object]) -> Arrays:

@@ -50,7 +50,7 @@ LANGUAGES = {
         r"#=.*?(?:=#|\Z)|#[^\n]*", rf"{TRIPLE}|{QUOTED}", exponent="[ef]", spaced=True, has_rationals=True,
         opens="function|macro|struct"),
     "python": Language(
-        r"#[^\n]*", rf"{TRIPLE}|'''(?:.*?'''|.*)|{QUOTED}|{SINGLE}", continued=r"\\\r?\n", first=0, opens="def|class"),
+        r"#[^\n]*", suffix="[jJ]?", quoted=rf"{TRIPLE}|'''(?:.*?'''|.*)|{QUOTED}|{SINGLE}", continued=r"\\\r?\n", first=0, opens="def|class"),
     "fortran": Language(
         r"![^\n]*|^[*cC](?=[ \t]|$)[^\n]*", rf"{QUOTED}|{SINGLE}", exponent="[eEdDqQ]", suffix=r"(?:_\w+)?",
         continued=r"&[ \t]*(?:![^\n]*)?\r?\n(?:[ \t]*(?:![^\n]*)?\r?\n)*[ \t]*&?|\r?\n[ ]{5}[^\s0!]", indexed="(",
@@ -70,9 +70,11 @@ SUFFIXES = {
     ".jl": "julia",
     ".m": "matlab",
 }
-SIGNS = (
-    r"\*\*|->|::|:=|=>|==|!=|~=|<=|>=|&&|\|\||\+=|-=|\*=|/=|//=|\.=|//|/\)|\(/(?!/)|\.[-+*/^]|\S"
-)
+SIGNS = r"\*\*|->|::|:=|=>|==|!=|~=|<=|>=|&&|\|\||\+=|-=|\*=|/=|//=|\.=|//|/\)|\(/(?!/)|\.[-+*/^]|\S"
+
+
+MOST_COMMENTS = 40
+MOST_CHARACTERS_SAID = 4000
 
 
 class Token(NamedTuple):
@@ -105,6 +107,7 @@ class Source:
         self.comments: list[tuple[int, int]] = []
         self.tokens: list[Token] = list(self._scan())
         self.tokens.append(Token("line", "", len(text)))
+        self.starts = [token.start for token in self.tokens]
         self._lines = [match.start() for match in re.finditer("\n", text)]
         self.partner: dict[int, int] = {}
         """From an opening bracket's index to that of its closing bracket, and back."""
@@ -128,9 +131,38 @@ class Source:
         """The number of the line of a position, from 1."""
         return bisect_right(self._lines, start - 1) + 1
 
+    def comment(self, start: int) -> str:
+        """The comment or text in quotes that ends before a position, or that stands behind it in its line."""
+        k = bisect_right(self.comments, (start, 0))
+        found, end = [], self.text.rfind("\n", 0, start) + 1
+        while k > 0 and not self.text[self.comments[k - 1][1] : end].strip() and len(found) < MOST_COMMENTS:
+            k -= 1
+            begin = self.comments[k][0]
+            found.insert(0, self.text[begin : self.comments[k][1]])
+            end = self.text.rfind("\n", 0, begin) + 1
+            if self.text[end:begin].strip():
+                break
+        i = bisect_right(self.starts, start) - 1
+        while i > 0 and self.tokens[i - 1].kind == "line":
+            i -= 1
+        while (
+            i > 0
+            and self.column(self.tokens[i].start)
+            and self.tokens[i].kind != "text"
+            and self.tokens[i - 1].kind != "line"
+        ):
+            i -= 1
+        if not found and i > 0 and self.tokens[i - 1].kind == "text":
+            found = [self.tokens[i - 1].text]
+        behind = bisect_right(self.comments, (start, 0))
+        if behind < len(self.comments) and "\n" not in self.text[start : self.comments[behind][0]]:
+            found.append(self.text[slice(*self.comments[behind])])
+        return "\n".join(found)[:MOST_CHARACTERS_SAID]
+
     def column(self, start: int) -> int:
         """The number of characters before a position in its line."""
-        return start - (self.text.rfind("\n", 0, start) + 1)
+        line = bisect_right(self._lines, start - 1)
+        return start - (self._lines[line - 1] + 1 if line else 0)
 
 
 OPENING = {"(": ")", "[": "]", "{": "}", "(/": "/)"}

@@ -1,9 +1,9 @@
 """Values in source text: one grammar of numbers, arrays and the functions of tableaus. Nothing is evaluated as code.
 
-    sum      = product {("+" | "-") product}
-    product  = power {("*" | "/" | "//") power}
-    power    = atom [("^" | "**") power]
-    atom     = number | name {index} | call | "(" sum ")" | array
+sum      = product {("+" | "-") product}
+product  = power {("*" | "/" | "//") power}
+power    = atom [("^" | "**") power]
+atom     = number | name {index} | call | "(" sum ")" | array
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from integrators.methods.exchange.numbers import (
     CIRCLE, FUNCTIONS, ONE, POWERS, QUOTIENTS, ZERO, Number, Struct, Value, apply, combine, each, elementwise, literal,
     negative,
 )  # fmt: skip
-from integrators.methods.exchange.tokens import CLOSING, OPENING, Source, Token
+from integrators.methods.exchange.tokens import CLOSING, LANGUAGES, OPENING, Source, Token
 
 MOST_BRACKETS = 20
 """Of nested brackets."""
 MOST_ENTRIES = 100_000
-MOST_PARTS = 2_000
+MOST_PARTS = 200
 """Of one entry."""
+MOST_SHOWN = 100
+"""Characters of what could not be read."""
 KEPT_LAST = ("convert", "parse", "map", "oftype")
 KEPT_FIRST = ("array", "asarray", "squeeze", "transpose", "N", "reshape", "list", "tuple", "copy", "ArrayPlot")
 CAST = re.compile(
@@ -37,6 +39,13 @@ CAST = re.compile(
 """Functions that convert one number."""
 FILLED = {"zeros": ZERO, "ones": ONE, "zero": ZERO, "one": ONE, "Matrix": ZERO, "Vector": ZERO, "Array": ZERO}
 NOTHING = ("NULL", "nullptr", "None", "nothing", "null", "Null")
+WORDS = {
+    **{name: Fraction(k) for k, name in enumerate(("ZERO", "ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX"))},
+    **dict(
+        HALF=Fraction(1, 2), QUARTER=Fraction(1, 4), ONEHALF=Fraction(1, 2), TEN=Fraction(10), HUNDRED=Fraction(100)
+    ),
+}
+"""Constants that headers of C define."""
 METHODS = ("astype", "copy", "tolist", "evalf")
 """Of arrays, which they leave as they are."""
 
@@ -94,9 +103,8 @@ class Reader:
         at = self.i if at is None else at
         if not what:
             token = self.tokens[at]
-            end = self.source.text.find("\n", token.start)
-            piece = self.source.text[token.start : end if end >= 0 else None]
-            what = shorten(re.split(r"[\s,;)\]}]", piece, maxsplit=1)[0] or piece.strip() or "nothing")
+            piece = self.source.text[token.start : token.start + MOST_SHOWN].split("\n")[0]
+            what = shorten(re.split(r"[,;)\]}]", piece, maxsplit=1)[0].strip() or piece.strip() or "nothing")
             what = f"has {what!r}"
         raise Unread(at, what)
 
@@ -124,7 +132,7 @@ class Reader:
         return value
 
     def _operate(self, sign: str, x: Any, y: Any, at: int) -> Any:
-        if isinstance(x, Struct | None) or isinstance(y, Struct | None):
+        if isinstance(x, Struct | Display | None) or isinstance(y, Struct | Display | None):
             self._refuse(at=at)
         if sign == "/" and self.language.rounds and all(isinstance(v, Number) and v.is_whole for v in (x, y)):
             if combine("/", x, y).value.denominator > 1:  # type: ignore[union-attr]
@@ -250,9 +258,8 @@ class Reader:
         """A number in quotes: a//b, a/b or a decimal."""
         at, self.i = self.i, self.i + 1
         parts = [part.strip() for part in re.split(r"//?", text.strip("\"'"))]
-        if len(parts) > 2 or not all(re.fullmatch(r"[-+]?[\d.eE+-]+", part) for part in parts):
-            if self.tokens[at - 1].kind == "sign" or len(parts) != 1:
-                self._refuse(at=at)
+        is_number = len(parts) <= 2 and all(re.fullmatch(r"[-+]?[\d.eE+-]+", part) for part in parts)
+        if not is_number or (text.startswith("'") and self.tokens[at - 1].text != "("):
             self._refuse(at=at)
         numbers = [self._literal(part, at) for part in parts]
         return self._operate("/", *numbers, at) if len(parts) == 2 else numbers[0]
@@ -310,7 +317,9 @@ class Reader:
         self.i += 1
         self.depth -= 1
         self.is_display = display
-        return _assembled([row for row in rows if row]) if is_spaced else rows[0]
+        if is_spaced:
+            return _assembled([row for row in rows if row])
+        return Display(rows[0]) if self.language is LANGUAGES["python"] else rows[0]
 
     def _named(self) -> Any:
         """A name with members and indices, or a call."""
@@ -333,8 +342,10 @@ class Reader:
         known = self.look_up(path)
         if text == "[" and self.language.called != "[" and known is None and self.language.spaced and touches:
             return self._array()  # an array of a type
-        if text == self.language.called and (known is None or self.language.indexed != "(") and (
-            touches or self.language.first == 0
+        if (
+            text == self.language.called
+            and (known is None or self.language.indexed != "(")
+            and (touches or self.language.first == 0)
         ):
             return self._call(called, at)
         if text == "." and self.tokens[self.i + 1].text == "(":  # f.(x)
@@ -342,6 +353,8 @@ class Reader:
             return self._call(called, at)
         if called in CIRCLE and known is None:
             return Number("pi", text="pi", estimate=math.pi)
+        if known is None and self.language.rounds and path in WORDS:
+            return Number(WORDS[path], text=path, line=self.source.line(self.tokens[at].start))
         if known is None or isinstance(known, Exception):
             self._refuse(at=at)
         return self._indexed(known, at)
@@ -361,9 +374,7 @@ class Reader:
 
     def _indexed(self, value: Any, at: int) -> Any:
         """An entry or a part of a value."""
-        while self.tokens[self.i].text in self.language.indexed and not (
-            self.is_display and self._is_spaced(self.i)
-        ):
+        while self.tokens[self.i].text in self.language.indexed and not (self.is_display and self._is_spaced(self.i)):
             bracket = self.tokens[self.i].text
             indices = self.indices()
             if bracket == "{" or indices is None:
@@ -405,7 +416,9 @@ class Reader:
             if isinstance(index, tuple):
                 start, stop = index
                 start = None if start is None else start - first if start >= 0 else start
-                value = _Slice(value[start:stop if stop is None or first == 0 else stop if stop >= 0 else stop + 1 or None])
+                value = _Slice(
+                    value[start : stop if stop is None or first == 0 else stop if stop >= 0 else stop + 1 or None]
+                )
                 continue
             place = index - first if index >= 0 else index
             if not -len(value) <= place < len(value) or (place < 0 and index >= 0):
@@ -446,7 +459,8 @@ class Reader:
         if name in KEPT_LAST and values:
             return values[-1]
         if name in KEPT_FIRST and values:
-            return self._reshaped(values) if name == "reshape" else values[0]
+            kept = self._reshaped(values) if name == "reshape" else values[0]
+            return list(kept) if isinstance(kept, Display) else kept
         if name in QUOTIENTS and len(values) == 2:
             return self._apply(name, values, at)
         if name in FUNCTIONS or name in POWERS:
@@ -538,6 +552,10 @@ class Reader:
         if self.language.first == 0:
             return [entries[i * columns : (i + 1) * columns] for i in range(rows)]
         return [entries[i::rows] for i in range(rows)]
+
+
+class Display(list[Any]):
+    """A list of Python, whose sums and products are not those of its entries."""
 
 
 class _Slice(list[Any]):
