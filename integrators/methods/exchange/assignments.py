@@ -7,11 +7,14 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.exchange.numbers import ZERO, Number, Struct
+from integrators.methods.exchange.numbers import ONE, ZERO, Number, Struct
 from integrators.methods.exchange.tokens import LANGUAGES, OPENING, Source, Token
 from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
 
 LARGEST_INDEX = 1000
+START = {"t": ZERO, "h": ONE, "dt": ONE, "x": ONE, "y": ONE, "u": ONE}
+"""The time, the length and the state of a step, as steps are written."""
+MOST_STAGES = 200
 MOST_DECLARED = 200
 """Tokens before a name that are searched for its type."""
 MOST_BLOCKS = 200
@@ -78,6 +81,11 @@ class Block:
         self.starts: list[int] = [start]
         """The tokens from which the tables are."""
 
+        self.stages: list[tuple[Number, list[Number]]] = []
+        """For methods written as steps: the time and the state at which the field is evaluated. With h = 1, a state is
+        the row of its coefficients of the first state and of the stages before."""
+        self.most_stages = 0
+
     def find(self, name: str) -> Variable | None:
         """The variable of this name here or around."""
         block: Block | None = self
@@ -85,8 +93,16 @@ class Block:
             for table in reversed(block.tables):
                 if name in table:
                     return table[name]
+            if block.most_stages and name in START:
+                found = Variable(name, 0)
+                found.value = START[name] if name in ("t", "h", "dt") else block.unit(0)
+                return found
             block = block.parent
         return None
+
+    def unit(self, k: int) -> list[Number]:
+        """The state at the start for 0, the field at stage k otherwise."""
+        return [ONE if i == k else ZERO for i in range(self.most_stages + 1)]
 
 
 class Assignments:
@@ -135,6 +151,8 @@ class Assignments:
                 elif (end := self._assigned(i, text)) is not None:
                     i = end
                     continue
+            elif kind == "name" and text.lower() == "call" and self.language.indexed == "(":
+                self._evaluate(i)
             elif kind == "name" and text.lower() == "data" and self.language.indexed == "(":
                 end = self._data(i)
                 if end is not None:
@@ -199,12 +217,46 @@ class Assignments:
         if "=" in words[1 : opener + 1] or "." in words[:opener]:
             return
         self.block = Block(name, i, self.block, indent=column)
+        if self.language.indexed == "(":
+            self.block.most_stages = self._count_calls(i + opener + 1)
+
+    # Steps.
+
+    def _count_calls(self, i: int) -> int:
+        """The number of calls of a subroutine, up to the end of it."""
+        count = 0
+        for k in range(i, len(self.tokens)):
+            text = self.tokens[k].text.lower()
+            if text in ("subroutine", "procedure", "function"):
+                break
+            count += text == "call"
+        return min(count, MOST_STAGES)
+
+    def _evaluate(self, i: int) -> None:
+        """A call of a field at a time and a state, whose last argument gets the value."""
+        block: Block | None = self.block
+        while block is not None and not block.most_stages:
+            block = block.parent
+        opening = next((k for k in range(i + 1, i + 6) if self.tokens[k].text == "("), None)
+        if block is None or opening is None or len(block.stages) >= block.most_stages:
+            return
+        try:
+            found = self.reader.arguments(opening)
+        except Unread:
+            return
+        match found:
+            case [Number() as time, list() as state, *_] if len(state) == block.most_stages + 1:
+                block.stages.append((time, state))
+                end = self.source.partner[opening]
+                target = Variable(self.tokens[end - 1].text, self.source.line(self.tokens[i].start))
+                target.value = block.unit(len(block.stages))
+                block.tables[-1][target.name] = target
 
     # Assignments.
 
     def _assigned(self, i: int, sign: str) -> int | None:
         """Read what is assigned at a sign; the index behind it, or None if the sign assigns nothing that can be read."""
-        if sign not in ("=", ":=", ":", ".=", "->") or i == 0:
+        if sign not in ("=", ":=", ":", ".=", "->", "=>") or i == 0 or (sign == "=>" and self.language.indexed != "("):
             return None
         if sign in (":", "->") and not self._is_key(i, sign):
             return None

@@ -62,6 +62,7 @@ class Struct(NamedTuple):
 
 ZERO = Number(Fraction(0))
 ONE = Number(Fraction(1))
+NEUTRAL = {"+": ZERO.value, "*": ONE.value}
 
 
 def literal(text: str) -> Number:
@@ -86,6 +87,9 @@ def combine(sign: str, x: Number, y: Number) -> Number:
     """The sum, difference, product, quotient or power of two numbers."""
     a, b = x.value, y.value
     digits, is_whole = max(x.digits, y.digits), x.is_whole and y.is_whole
+    if sign in NEUTRAL and NEUTRAL[sign] in (a, b):  # the other number keeps its text and its place
+        other = x if b == NEUTRAL[sign] else y
+        return other._replace(is_whole=is_whole)
     if isinstance(a, Fraction) and isinstance(b, Fraction):
         result = _rational(sign, a, b)
         if result is not None:

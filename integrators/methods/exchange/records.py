@@ -31,6 +31,8 @@ CLAIMS = ("order", "embedded_order", "adaptiveorder", "q", "p", "o", "name", "sh
 
 MADE = re.compile(r"Register|Tableau|RungeKutta|_Create|RK(?:Method|Pair)")
 """In the names of functions that make a method of its tables."""
+RESULTS = ("xf", "xnew", "x1", "yf", "ynew", "y1", "yout", "unew", "u1", "y", "x", "u")
+"""Names of the state at the end of a step, the likeliest first."""
 MOST_TOKENS = 20_000
 """Of a method, that are searched for what it says of itself."""
 
@@ -182,6 +184,9 @@ class _Group:
 
     def find(self) -> None:
         """Report the methods of this group."""
+        if self.block.stages:
+            self._steps()
+            return
         parts = list(self._tableaus())
         for fixed in (self._nystrom, self._rosenbrock, self._shu_osher):
             found = fixed(parts)
@@ -322,6 +327,23 @@ class _Group:
         sums = [_sum(row) for row in matrix]
         best = max(choices, key=lambda row: sum(x is not None and _agree(x, s) for x, s in zip(row, sums, strict=True)))
         return [ZERO if x is None and i == 0 else x if x is not None else sums[i] for i, x in enumerate(best)]
+
+    def _steps(self) -> None:
+        """A method written as steps: the states of its evaluations, its result and its error."""
+        stages = len(self.block.stages)
+        rows = {n: v for n, v in self.values.items() if isinstance(v, list) and len(v) == self.block.most_stages + 1}
+        errors = [n for n in rows if "err" in n and not _near(rows[n][0])]
+        results = [n for n in rows if n in RESULTS and abs(_near(rows[n][0]) - 1) < NEAR]
+        if not results or not all(abs(_near(state[0]) - 1) < NEAR for _, state in self.block.stages):
+            return
+        tables: dict[str, Any] = {
+            "A": [state[1 : stages + 1] for _, state in self.block.stages],
+            "b": rows[results[0]][1 : stages + 1],
+            "c": [time for time, _ in self.block.stages],
+        }
+        if errors:
+            tables["error"] = [rows[n][1 : stages + 1] for n in errors]
+        self._report(results[0], "runge-kutta", tables)
 
     # Kinds.
 

@@ -471,6 +471,11 @@ class Reader:
             return values
         return self._refuse(at=at)
 
+    def arguments(self, opening: int) -> list[Any]:
+        """The values among the arguments in brackets."""
+        self.i, self.depth, self.entries, self.parts, self.is_display = opening, 0, 0, 0, False
+        return self._arguments(last_only=False)
+
     def _is_undefined(self, at: int) -> bool:
         """Whether a call makes an array without entries."""
         return any(token.text == "undef" for token in self.tokens[at : self.i])
