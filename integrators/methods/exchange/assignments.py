@@ -172,6 +172,8 @@ class Assignments:
     def _open(self, i: int) -> None:
         """A bracket that is not an index becomes a block, which lasts to its partner."""
         end = self.source.partner.get(i)
+        if self.tokens[i - 1].text.lower() == "associate" and i:
+            return  # its names are those of the subroutine
         if end is None or self.block.depth >= MOST_BLOCKS or self.tokens[i].text == "[" or end == i + 1:
             return
         self.block = Block(self._title(i), i, self.block, end=end, indent=self.block.indent)

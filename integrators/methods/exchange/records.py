@@ -111,7 +111,11 @@ class Finder:
         for block in Assignments(self.source).blocks:
             for k, table in enumerate(block.tables):
                 if table:
-                    _Group(self, block, k).find()
+                    count = len(self.records)
+                    group = _Group(self, block, k)
+                    group.find()
+                    if len(self.records) == count:
+                        group.say_faults()
         self.records.sort(key=lambda record: record.line)
         return Reading(tuple(self.records), tuple(self.unread))
 
@@ -198,6 +202,15 @@ class _Group:
             self._report(name, "additive" if "A_explicit" in tables else "runge-kutta", tables)
         if not parts and not self._low_storage() and not self._coupling() and not self._splitting():
             self._numeric_families()
+
+    def say_faults(self) -> None:
+        """A sentence for each array of a method that was found without them."""
+        for name, what in self.faults.items():
+            match = re.fullmatch(r"(.*?)(A|a|a_lower|b|b_sol)(|_hat|hat|t|e|i)", name)
+            others = [match[1] + other + match[3] for other in ("A", "a", "a_lower", "b", "b_sol", "α")] if match else []
+            if any(other != name and other in {**self.values, **self.faults} for other in others):
+                sentence = f"{self.finder.source.name}, line {self.lines[name]}: {name} {what}"
+                self.finder.unread.append(sentence)
 
     def _names(self, pre: str, role: tuple[str, ...], post: str) -> Iterator[str]:
         for name in role:
@@ -539,7 +552,7 @@ class _Group:
         stem = re.sub(
             r"_?(?:[Aa]|a_lower|Gamma|C|alpha|α|B1|gamma\w*|γ\w*)(?:_?(?:hat|\w))?$", "", name.rpartition(".")[2]
         )
-        if len(stem.strip("_")) > 1:
+        if len(stem.strip("_")) > 1 and not self.block.stages:
             return stem.strip("_")
         if self.said is not None:
             return self.said

@@ -444,7 +444,7 @@ class Reader:
             self.i = self.source.partner.get(self.i, self.i) + 1
             return FILLED[name]._replace(text=name, line=self.source.line(self.tokens[at].start))
         if name.endswith("Alloc"):
-            arguments = self._arguments(last_only=False)
+            arguments = self._arguments(skips=True)
             stages = next((x.value for x in arguments if isinstance(x, Number)), None)
             if isinstance(stages, Fraction) and stages.denominator == 1 and 0 < stages < MOST_ENTRIES:
                 return Struct(int(stages))
@@ -452,7 +452,7 @@ class Reader:
         known = name in (*KEPT_LAST, *KEPT_FIRST, *FUNCTIONS, *POWERS, *QUOTIENTS, *FILLED)
         if not (known or CAST.fullmatch(name)):
             self._refuse(at=at)
-        arguments = self._arguments(last_only=name in KEPT_LAST)
+        arguments = self._arguments(last_only=name in KEPT_LAST, skips=name in FILLED)
         values = [x for x in arguments if isinstance(x, Number | list)]
         if name in FILLED and (name not in ("Matrix", "Vector", "Array") or self._is_undefined(at)):
             return self._filled(FILLED[name], values, at)
@@ -474,7 +474,7 @@ class Reader:
     def arguments(self, opening: int) -> list[Any]:
         """The values among the arguments in brackets."""
         self.i, self.depth, self.entries, self.parts, self.is_display = opening, 0, 0, 0, False
-        return self._arguments(last_only=False)
+        return self._arguments(skips=True)
 
     def _is_undefined(self, at: int) -> bool:
         """Whether a call makes an array without entries."""
@@ -488,8 +488,8 @@ class Reader:
         except (ArithmeticError, ValueError) as error:
             self._refuse(str(error) if isinstance(error, ArithmeticError) else "", at)
 
-    def _arguments(self, *, last_only: bool) -> list[Any]:
-        """The arguments of a call that are values; names of types and keywords are left out."""
+    def _arguments(self, *, last_only: bool = False, skips: bool = False) -> list[Any]:
+        """The arguments of a call that are values; keywords are left out, and names without values on request."""
         opening, end = self.i, self.source.partner.get(self.i)
         if end is None:
             self._refuse()
@@ -502,8 +502,8 @@ class Reader:
             self.i = start
             if self.tokens[start].kind == "name" and self.tokens[start + 1].text == "=":
                 continue
-            is_type = self.tokens[start].kind == "name" and self.look_up(self.tokens[start].text) is None
-            if is_type and self.tokens[start + 1].text in (",", ")", "{", "]"):
+            known = self.look_up(self.tokens[start].text) if self.tokens[start].kind == "name" else 0
+            if skips and (known is None or isinstance(known, Exception)) and self.tokens[start + 1].text in (",", ")", "{", "]"):
                 continue
             if self.tokens[start].text == "&":
                 self.i += 1
