@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
-from integrators.methods.exchange.numbers import ONE, ZERO, Number, Struct
+from integrators.methods.exchange.numbers import ONE, ZERO, Number
 from integrators.methods.exchange.tokens import LANGUAGES, OPENING, Source, Token
 from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
 
@@ -381,9 +381,9 @@ class Assignments:
                 j = self.source.partner[j]
             elif token.text in (";", "{", "(") or j <= 0 or (token.kind == "line" and self.language.ends_with_line):
                 return False
-            elif token.text == "::" and self.language.indexed == "(":
-                return True
-            elif token.kind == "name" and self.tokens[self._before(j)].kind == "name":
+            elif (token.text == "::" and self.language.indexed == "(") or (
+                token.kind == "name" and self.tokens[self._before(j)].kind == "name"
+            ):
                 return True
             j = self._before(j)
         return False
@@ -398,14 +398,14 @@ class Assignments:
         if indices and not is_declared:
             self._change(variable, indices, value)
             return
-        if isinstance(value, Unknown) and isinstance(variable.value, list) and self._mentions(i, name):
+        if isinstance(value, Unknown) and isinstance(variable.value, list | Unknown) and self._mentions(i, name):
             return  # converted numbers
         is_conversion = self._mentions(i, name)
-        if variable.value is not None and isinstance(variable.value, list) and not is_conversion and value is not None:
-            if isinstance(value, list) and not variable.is_filled and self._is_table(variable):
-                self.block.tables.append({})
-                self.block.starts.append(i)
-                variable = self.block.tables[-1][name] = Variable(name, line)
+        is_next = isinstance(value, list) and not variable.is_filled and self._is_table(variable)
+        if is_next and not is_conversion:
+            self.block.tables.append({})
+            self.block.starts.append(i)
+            variable = self.block.tables[-1][name] = Variable(name, line)
         if not is_conversion or variable.value is None:
             variable.times += value is not None
             variable.line = line

@@ -11,12 +11,24 @@ from typing import Any
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
 from integrators.methods.exchange.assignments import Assignments, Block, Unknown, Variable
-from integrators.methods.exchange.numbers import ZERO, Number, Struct, combine
+from integrators.methods.exchange.numbers import ZERO, Number, Struct
+from integrators.methods.exchange.shapes import (
+    MOST_STAGES,
+    NEAR,
+    agree,
+    as_row,
+    as_square,
+    flattened,
+    is_explicit,
+    is_pair,
+    lower_matrix,
+    near,
+    plain_name,
+    row_and_column,
+    row_sum,
+    with_diagonal,
+)
 from integrators.methods.exchange.tokens import LANGUAGES, Source, language_of
-
-MOST_STAGES = 200
-NEAR = 1e-6
-"""Row sums that differ from nodes by less tell which nodes belong to which rows."""
 
 MATRICES = ("A", "a", "a_lower", "Abase", "Amat", "A_mat")
 WEIGHTS = ("b", "b_sol", "bbase", "B", "α", "alpha", "w")
@@ -141,7 +153,7 @@ class _Group:
         """Values by normalised name; entries with names of their own become families."""
         for name, variable in self.variables.items():
             value = self._dense(name, variable)
-            plain = _plain(name)
+            plain = plain_name(name)
             if isinstance(value, Unknown):
                 self.faults[plain] = value.what
                 self.lines.setdefault(plain, variable.line)
@@ -174,9 +186,9 @@ class _Group:
             two = [index for index in members if len(index) == 2]
             long = [index for index in members if len(index) == 1 and len(index[0]) > 1]
             if two or (long and len(long) == len(members)):
-                entries = {_split(index): value for index, value in members.items()}
+                entries = {row_and_column(index): value for index, value in members.items()}
                 if len(entries) == len(members) and all(len(index) == 2 for index in entries):
-                    matrix = _lower(entries)
+                    matrix = lower_matrix(entries)
                     if matrix is not None and key not in self.values:
                         self.values[key] = matrix
                         self.lines[key] = min(v.line for v in members.values())
@@ -207,7 +219,9 @@ class _Group:
         """A sentence for each array of a method that was found without them."""
         for name, what in self.faults.items():
             match = re.fullmatch(r"(.*?)(A|a|a_lower|b|b_sol)(|_hat|hat|t|e|i)", name)
-            others = [match[1] + other + match[3] for other in ("A", "a", "a_lower", "b", "b_sol", "α")] if match else []
+            others = (
+                [match[1] + other + match[3] for other in ("A", "a", "a_lower", "b", "b_sol", "α")] if match else []
+            )
             if any(other != name and other in {**self.values, **self.faults} for other in others):
                 sentence = f"{self.finder.source.name}, line {self.lines[name]}: {name} {what}"
                 self.finder.unread.append(sentence)
@@ -266,14 +280,14 @@ class _Group:
         """Matrices whose last stage is the end of the step, so that their last rows are the weights."""
         for name, post in (("a", ""), ("ea", ""), ("A", ""), ("At", "t")):
             value = self.values.get(name)
-            rows = _square(value, 0) if isinstance(value, list) else None
+            rows = as_square(value, 0) if isinstance(value, list) else None
             if rows is None or len(rows) < 2 or not (name in self.families or {"A", "At"} <= self.values.keys()):
                 continue
-            last = _square(self.values["At"], len(rows)) if "At" in self.values else rows
+            last = as_square(self.values["At"], len(rows)) if "At" in self.values else rows
             tables = self._tableau(
                 name, value, [*(last or rows)[-1]], name[:-1] if not post and name != "A" else "", post
             )
-            if tables is not None and ("error" in tables or abs(_near(_sum(tables["b"])) - 1) < NEAR):
+            if tables is not None and ("error" in tables or abs(near(row_sum(tables["b"])) - 1) < NEAR):
                 yield name, tables
 
     def _without_matrix(self) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -288,19 +302,19 @@ class _Group:
 
     def _tableau(self, name: str, A: Any, b: Any, pre: str, post: str) -> dict[str, Any] | None:
         """The tables of a stage matrix and its weights; None if their shapes do not fit."""
-        weights = _row(b)
-        matrix = _square(A, len(weights))
+        weights = as_row(b)
+        matrix = as_square(A, len(weights))
         if isinstance(b, dict) and matrix is None and isinstance(A, list):
-            matrix = _square(A, 0)
-            weights = _row(b, len(matrix)) if matrix else weights
+            matrix = as_square(A, 0)
+            weights = as_row(b, len(matrix)) if matrix else weights
         if matrix is None:
             return None
         diagonal = self._partner(pre, ("a_diagonal", "diagonal"), post, around=False)
         if diagonal is not None:
-            matrix = _with_diagonal(matrix, _row(diagonal[1]))
+            matrix = with_diagonal(matrix, as_row(diagonal[1]))
         stages = len(matrix)
         if len(weights) < stages and isinstance(b, dict):
-            weights = _row(b, stages)
+            weights = as_row(b, stages)
         if len(weights) != stages or stages > MOST_STAGES or not all(isinstance(x, Number) for x in weights):
             return None
         if isinstance(A, Number) and (pre or post):
@@ -315,11 +329,11 @@ class _Group:
             for one in names:
                 partner = self._partner(pre, (one,), post, around=len(self.block.tables) < 2)
                 if partner and isinstance(partner[1], list | dict):
-                    row = _row(partner[1], stages)
+                    row = as_row(partner[1], stages)
                     if len(row) == stages and all(isinstance(x, Number) for x in row) and row not in rows:
                         rows.append(row)
             for row in rows:
-                is_error = role == "error" or abs(sum(map(_near, row))) < NEAR
+                is_error = role == "error" or abs(sum(map(near, row))) < NEAR
                 tables.setdefault("error" if is_error else "embedded", []).append(row)
         return tables
 
@@ -329,7 +343,7 @@ class _Group:
         if isinstance(given, dict):
             choices = [[given.get(i + shift) for i in range(stages)] for shift in (1, 0)]
         else:
-            row = _row(given)
+            row = as_row(given)
             if not all(isinstance(x, Number) for x in row):
                 return None
             if len(row) == stages:
@@ -337,17 +351,17 @@ class _Group:
             choices = [[None, *row, None][:stages]] if len(row) in (stages - 1, stages - 2) else []
         if not choices:
             return None
-        sums = [_sum(row) for row in matrix]
-        best = max(choices, key=lambda row: sum(x is not None and _agree(x, s) for x, s in zip(row, sums, strict=True)))
+        sums = [row_sum(row) for row in matrix]
+        best = max(choices, key=lambda row: sum(x is not None and agree(x, s) for x, s in zip(row, sums, strict=True)))
         return [ZERO if x is None and i == 0 else x if x is not None else sums[i] for i, x in enumerate(best)]
 
     def _steps(self) -> None:
         """A method written as steps: the states of its evaluations, its result and its error."""
         stages = len(self.block.stages)
         rows = {n: v for n, v in self.values.items() if isinstance(v, list) and len(v) == self.block.most_stages + 1}
-        errors = [n for n in rows if "err" in n and not _near(rows[n][0])]
-        results = [n for n in rows if n in RESULTS and abs(_near(rows[n][0]) - 1) < NEAR]
-        if not results or not all(abs(_near(state[0]) - 1) < NEAR for _, state in self.block.stages):
+        errors = [n for n in rows if "err" in n and not near(rows[n][0])]
+        results = [n for n in rows if n in RESULTS and abs(near(rows[n][0]) - 1) < NEAR]
+        if not results or not all(abs(near(state[0]) - 1) < NEAR for _, state in self.block.stages):
             return
         tables: dict[str, Any] = {
             "A": [state[1 : stages + 1] for _, state in self.block.stages],
@@ -368,11 +382,11 @@ class _Group:
                 continue
             for j in range(i + 1, len(parts)):
                 other, more = parts[j]
-                if j not in used and not any(map(_near, more["b"])):
+                if j not in used and not any(map(near, more["b"])):
                     used.add(j)  # no second part
-                elif j not in used and _is_pair(name, other) and len(more["b"]) - len(tables["b"]) in (0, 1, -1):
+                elif j not in used and is_pair(name, other) and len(more["b"]) - len(tables["b"]) in (0, 1, -1):
                     used.add(j)
-                    first, second = (tables, more) if not _is_explicit(tables["A"]) else (more, tables)
+                    first, second = (tables, more) if not is_explicit(tables["A"]) else (more, tables)
                     tables = {**first, **{f"{key}_explicit": value for key, value in second.items()}}
                     break
             found.append((name, tables))
@@ -385,16 +399,16 @@ class _Group:
             velocities = next((self.values[n] for n in ("bp", "bbar", "b̄", "bprime", "dbp") if n in self.values), None)
             if matrix is None or b is None or velocities is None:
                 return False
-            weights = _row(velocities)
-            rows = _square(matrix, len(weights))
+            weights = as_row(velocities)
+            rows = as_square(matrix, len(weights))
             if rows is None:
                 return False
-            tables = {"A": rows, "b": _row(b, len(weights)), "b_velocity": weights}
+            tables = {"A": rows, "b": as_row(b, len(weights)), "b_velocity": weights}
             for key, names in (("A_velocity", ("abar", "Abar", "ap")), ("c", NODES), ("error", ("btilde",)),
                                ("error_velocity", ("bptilde",))):  # fmt: skip
                 value = next((self.values[n] for n in names if isinstance(self.values.get(n), list)), None)
                 if value is not None:
-                    row = value if key == "A_velocity" else _row(value)
+                    row = value if key == "A_velocity" else as_row(value)
                     tables[key] = [ZERO, *row] if key == "c" and len(row) == len(weights) - 1 else row
             self._report("a", "nystrom", tables)
             return True
@@ -409,16 +423,16 @@ class _Group:
                 continue
             pre, letter, post = match.groups()
             A = self.values.get(f"{pre}A{post}")
-            matrix = _square(A, 0)
-            other = _square(self.values[name], 0)
-            if matrix is None or other is None or not isinstance(self.values[name], list) == isinstance(A, list):
+            matrix = as_square(A, 0)
+            other = as_square(self.values[name], 0)
+            if matrix is None or other is None or isinstance(self.values[name], list) != isinstance(A, list):
                 continue
             tables = {"A": matrix, "C" if letter == "C" else "Gamma": other}
             for key, names in (("b", ("b",)), ("c", ("c",)), ("d", ("d",)), ("error", ("btilde",)),
                                ("embedded", ("b2", "b1", "bembed", "bm")), ("gamma", ("gamma", "γ", "g"))):  # fmt: skip
                 partner = self._partner(pre, names, post)
                 if partner is not None:
-                    tables[key] = _row(partner[1]) if key not in ("gamma",) else partner[1]
+                    tables[key] = as_row(partner[1]) if key not in ("gamma",) else partner[1]
             if "b" in tables or pre:
                 self._report(name, "rosenbrock", tables)
                 found = True
@@ -434,7 +448,7 @@ class _Group:
             return False
         if not all(isinstance(row, list) for row in (*alpha, *beta)) or len(alpha) != len(beta):
             return False
-        if sum(abs(sum(map(_near, row)) - 1) < NEAR for row in alpha) < len(alpha) // 2:
+        if sum(abs(sum(map(near, row)) - 1) < NEAR for row in alpha) < len(alpha) // 2:
             return False
         self._report("alpha", "shu-osher", {"alpha": alpha, "beta": beta})
         return True
@@ -447,7 +461,9 @@ class _Group:
         gammas = [n for n in rows if re.fullmatch(r"(?:gamma|γ)\d{2,3}(?:end)?|(?:gamma|γ)\d(?:end)?", n)]
         if len(gammas) >= 2:
             self._report(
-                gammas[0], "2s", {n: _row(rows[n]) for n in rows if all(isinstance(x, Number) for x in _row(rows[n]))}
+                gammas[0],
+                "2s",
+                {n: as_row(rows[n]) for n in rows if all(isinstance(x, Number) for x in as_row(rows[n]))},
             )
             return True
         if (
@@ -456,16 +472,16 @@ class _Group:
             or not ("B2end" in rows or {"A", "B"} <= rows.keys() or {"coef_a", "coef_b"} <= rows.keys())
         ):
             return False
-        a, b = _row(A), _row(B)
+        a, b = as_row(A), as_row(B)
         first = self.values.get("B1")
         if "B2end" in rows and isinstance(first, Number):
-            a, b = [ZERO, *_row(rows["A2end"])], [first, *_row(rows["B2end"])]
+            a, b = [ZERO, *as_row(rows["A2end"])], [first, *as_row(rows["B2end"])]
         if len(a) != len(b) or not all(isinstance(x, Number) for x in (*a, *b)):
             return False
         tables = {"A": a, "B": b}
         nodes = rows.get("c2end", rows.get("c"))
         if nodes is not None:
-            c = _row(nodes)
+            c = as_row(nodes)
             tables["c"] = [ZERO, *c] if len(c) == len(a) - 1 else c
         self._report("B1" if "B1" in self.lines else "A", "2n", tables)
         return True
@@ -493,10 +509,10 @@ class _Group:
                 a, b = self.values.get(f"{dot}{one}"), self.values.get(f"{dot}{two}")
                 if a is None or b is None or isinstance(a, Number) or isinstance(b, Number):
                     continue
-                x, y = _row(a), _row(b)
+                x, y = as_row(a), as_row(b)
                 size = max(len(x), len(y))
                 flat = all(isinstance(v, Number) for v in (*x, *y)) and len(x) - len(y) in (-1, 0, 1)
-                if flat and all(abs(sum(map(_near, row)) - 1) < NEAR for row in (x, y)) and size <= MOST_STAGES:
+                if flat and all(abs(sum(map(near, row)) - 1) < NEAR for row in (x, y)) and size <= MOST_STAGES:
                     self._report(f"{dot}{one}", "splitting", {one: x, two: y})
                     found = True
                     break
@@ -511,21 +527,21 @@ class _Group:
         matrices = [n for n, v in self.values.items() if isinstance(v, list) and n in self.families]
         vectors = {n: v for n, v in self.values.items() if isinstance(v, dict)}
         for name in matrices:
-            rows = _square(self.values[name], 0)
+            rows = as_square(self.values[name], 0)
             if rows is None or len(rows) < 2:
                 continue
             stages = len(rows)
-            fitting = {n: _row(v, stages) for n, v in vectors.items() if max(v) <= stages}
-            sums = [_sum(row) for row in rows]
+            fitting = {n: as_row(v, stages) for n, v in vectors.items() if max(v) <= stages}
+            sums = [row_sum(row) for row in rows]
             scores = {
-                n: sum(_agree(x, s) for x, s in zip(v, sums, strict=True))
+                n: sum(agree(x, s) for x, s in zip(v, sums, strict=True))
                 for n, v in fitting.items()
                 if len(v) == stages
             }
             nodes = max(scores, key=scores.__getitem__, default=None)
             if nodes is None or scores[nodes] < max(2, stages // 2):
                 continue
-            weights = [n for n, v in fitting.items() if n != nodes and abs(sum(map(_near, v)) - 1) < NEAR]
+            weights = [n for n, v in fitting.items() if n != nodes and abs(sum(map(near, v)) - 1) < NEAR]
             if not weights:
                 continue
             tables = {"A": rows, "b": fitting[weights[0]], "c": fitting[nodes]}
@@ -538,8 +554,8 @@ class _Group:
 
     def _report(self, name: str, kind: str, tables: Mapping[str, Any]) -> None:
         """Add a record, unless a block around or before has had the same numbers."""
-        key = tuple(id(x) for array in tables.values() for x in _flat(array) if isinstance(x, Number))
-        if key in self.finder.used or not any(_near(x) for array in tables.values() for x in _flat(array)):
+        key = tuple(id(x) for array in tables.values() for x in flattened(array) if isinstance(x, Number))
+        if key in self.finder.used or not any(near(x) for array in tables.values() for x in flattened(array)):
             return
         self.finder.used.add(key)
         line = self.lines.get(name) or next(iter(self.lines.values()), 1)
@@ -594,108 +610,3 @@ class _Group:
         match = re.search(r"[({,]\s*(?::|Symbol\()?[\"']?([A-Za-z][\w-]{2,})", claims.get("call", ""))
         is_constant = match is not None and (match[1].isupper() or ":" + match[1] in claims["call"])
         return match[1] if match is not None and (is_constant or '"' in match[0]) else None
-
-
-def _plain(name: str) -> str:
-    """A name without marks that say nothing of its role."""
-    head, dot, tail = name.rpartition(".")
-    return head + dot + re.sub(r"^_+|(?:_vec|_mat|_matrix|_array)$", "", tail)
-
-
-def _split(index: tuple[str, ...]) -> tuple[int, ...]:
-    """The row and the column in the digits of a name: 21, 101 (10, 1), 1012 or 10_12."""
-    if len(index) == 2:
-        return int(index[0]), int(index[1])
-    digits = index[0]
-    half = (len(digits) + 1) // 2
-    if len(digits) < 2:
-        return (int(digits),)
-    return int(digits[:half]), int(digits[half:])
-
-
-def _lower(entries: dict[tuple[int, ...], Number]) -> list[list[Number]] | None:
-    """A square matrix of entries by row and column, from 0 or from 1."""
-    first = min(1, *(min(index) for index in entries))
-    size = max(max(index) for index in entries) + 1 - first
-    if size > MOST_STAGES or first < 0:
-        return None
-    return [[entries.get((i + first, j + first), ZERO) for j in range(size)] for i in range(size)]
-
-
-def _row(values: Any, size: int | None = None) -> list[Any]:
-    """A row of entries, also of one, and from a dictionary by stage, from 0 or from 1."""
-    if isinstance(values, dict):
-        first = min(1, *values)
-        size = max(max(values) + 1 - first, size or 0)
-        return [values.get(i + first, ZERO) for i in range(size)]
-    row = values if isinstance(values, list) else [values]
-    if row and all(isinstance(x, list) and len(x) == 1 for x in row):
-        row = [x[0] for x in row]
-    if len(row) == 1 and isinstance(row[0], list) and size != 1:
-        row = row[0]
-    return row + [ZERO] * (size - len(row)) if size is not None and 0 < size - len(row) <= 3 else row
-
-
-def _square(values: Any, stages: int) -> list[list[Number]] | None:
-    """A stage matrix from rows, from rows below the diagonal, or from one long row."""
-    if isinstance(values, Number):
-        return [[values]] if stages in (0, 1) else None
-    if not isinstance(values, list) or not values:
-        return None
-    if not any(isinstance(row, list) for row in values):
-        if not stages or len(values) != stages * stages:
-            return [[values[0]]] if len(values) == 1 and stages in (0, 1) else None
-        return [values[i * stages : (i + 1) * stages] for i in range(stages)]
-    rows = [row if isinstance(row, list) else [row] for row in values]
-    if not all(isinstance(x, Number) for row in rows for x in row):
-        return None
-    widest = max(map(len, rows))
-    if [len(row) for row in rows] == list(range(1, len(rows) + 1)) and stages == len(rows) + 1:
-        rows = [[], *rows]
-    size = stages or max(len(rows), widest)
-    if size == len(rows) + 1 and widest == len(rows) and stages:  # the first stage has no row
-        rows = [[], *rows]
-    if size > MOST_STAGES or len(rows) != size or widest > size:
-        return None
-    return [row + [ZERO] * (size - len(row)) for row in rows]
-
-
-def _with_diagonal(matrix: list[list[Number]], diagonal: list[Number]) -> list[list[Number]]:
-    if len(diagonal) != len(matrix):
-        return matrix
-    return [[*row[:i], diagonal[i], *row[i + 1 :]] for i, row in enumerate(matrix)]
-
-
-def _is_explicit(matrix: list[list[Number]]) -> bool:
-    return not any(_near(x) for i, row in enumerate(matrix) for x in row[i:])
-
-
-def _is_pair(one: str, two: str) -> bool:
-    """Whether names differ by a mark of a part only, such as A_hat, At or Ai and Ae."""
-    marks = r"_?(?:hat|explicit|implicit|exp|imp|ex|im|t|e|i|E|I|F|S)$"
-    return re.sub(marks, "", one) == re.sub(marks, "", two) or (one, two) in (("a", "ea"), ("ea", "a"))
-
-
-def _flat(value: Any) -> Iterator[Any]:
-    if isinstance(value, list):
-        for entry in value:
-            yield from _flat(entry)
-    elif value is not None:
-        yield value
-
-
-def _near(x: Any) -> float:
-    """A number to some digits, for comparisons that tell roles."""
-    return x.near if isinstance(x, Number) else float("nan")
-
-
-def _sum(row: list[Number]) -> Number:
-    """The sum of a row."""
-    total = ZERO
-    for x in row:
-        total = combine("+", total, x)
-    return total
-
-
-def _agree(x: Number, y: Number) -> bool:
-    return abs(_near(x) - _near(y)) < NEAR

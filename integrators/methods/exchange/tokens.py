@@ -1,4 +1,4 @@
-"""Source text as tokens: numbers, names, text in quotes, brackets and operators of the languages that tableaus are in."""
+"""Source text as tokens: numbers, names, text in quotes, brackets and operators, in several languages."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ LANGUAGES = {
         r"#=.*?(?:=#|\Z)|#[^\n]*", rf"{TRIPLE}|{QUOTED}", exponent="[ef]", spaced=True, has_rationals=True,
         opens="function|macro|struct"),
     "python": Language(
-        r"#[^\n]*", suffix="[jJ]?", quoted=rf"{TRIPLE}|'''(?:.*?'''|.*)|{QUOTED}|{SINGLE}", continued=r"\\\r?\n", first=0, opens="def|class"),
+        r"#[^\n]*", suffix="[jJ]?",
+        quoted=rf"{TRIPLE}|'''(?:.*?'''|.*)|{QUOTED}|{SINGLE}", continued=r"\\\r?\n", first=0, opens="def|class"),
     "fortran": Language(
         r"![^\n]*|^[*cC](?=[ \t]|$)[^\n]*", rf"{QUOTED}|{SINGLE}", exponent="[eEdDqQ]", suffix=r"(?:_\w+)?",
         continued=r"&[ \t]*(?:![^\n]*)?\r?\n(?:[ \t]*(?:![^\n]*)?\r?\n)*[ \t]*&?|\r?\n[ ]{5}[^\s0!]", indexed="(",

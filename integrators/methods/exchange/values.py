@@ -17,7 +17,20 @@ from typing import Any, NoReturn
 
 from integrators.core.errors import shorten
 from integrators.methods.exchange.numbers import (
-    CIRCLE, FUNCTIONS, ONE, POWERS, QUOTIENTS, ZERO, Number, Struct, Value, apply, combine, each, elementwise, literal,
+    CIRCLE,
+    FUNCTIONS,
+    ONE,
+    POWERS,
+    QUOTIENTS,
+    ZERO,
+    Number,
+    Struct,
+    Value,
+    apply,
+    combine,
+    each,
+    elementwise,
+    literal,
     negative,
 )  # fmt: skip
 from integrators.methods.exchange.tokens import CLOSING, LANGUAGES, OPENING, Source, Token
@@ -41,9 +54,7 @@ FILLED = {"zeros": ZERO, "ones": ONE, "zero": ZERO, "one": ONE, "Matrix": ZERO, 
 NOTHING = ("NULL", "nullptr", "None", "nothing", "null", "Null")
 WORDS = {
     **{name: Fraction(k) for k, name in enumerate(("ZERO", "ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX"))},
-    **dict(
-        HALF=Fraction(1, 2), QUARTER=Fraction(1, 4), ONEHALF=Fraction(1, 2), TEN=Fraction(10), HUNDRED=Fraction(100)
-    ),
+    **{"HALF": Fraction(1, 2), "ONEHALF": Fraction(1, 2), "QUARTER": Fraction(1, 4), "TEN": Fraction(10)},
 }
 """Constants that headers of C define."""
 METHODS = ("astype", "copy", "tolist", "evalf")
@@ -134,11 +145,10 @@ class Reader:
     def _operate(self, sign: str, x: Any, y: Any, at: int) -> Any:
         if isinstance(x, Struct | Display | None) or isinstance(y, Struct | Display | None):
             self._refuse(at=at)
-        if sign == "/" and self.language.rounds and all(isinstance(v, Number) and v.is_whole for v in (x, y)):
-            if combine("/", x, y).value.denominator > 1:  # type: ignore[union-attr]
-                self._refuse(
-                    f"must have quotients with decimal points, since the language rounds {_plain(x)}/{_plain(y)}", at
-                )
+        is_whole = self.language.rounds and all(isinstance(v, Number) and v.is_whole for v in (x, y))
+        if sign == "/" and is_whole and y.value and (x.value / y.value).denominator > 1:
+            quotient = f"{x.value}/{y.value}"
+            self._refuse(f"must have quotients with decimal points, since the language rounds {quotient}", at)
         try:
             return elementwise(partial(combine, sign), x, y)
         except ArithmeticError as error:
@@ -503,7 +513,11 @@ class Reader:
             if self.tokens[start].kind == "name" and self.tokens[start + 1].text == "=":
                 continue
             known = self.look_up(self.tokens[start].text) if self.tokens[start].kind == "name" else 0
-            if skips and (known is None or isinstance(known, Exception)) and self.tokens[start + 1].text in (",", ")", "{", "]"):
+            if (
+                skips
+                and (known is None or isinstance(known, Exception))
+                and self.tokens[start + 1].text in (",", ")", "{", "]")
+            ):
                 continue
             if self.tokens[start].text == "&":
                 self.i += 1
@@ -565,10 +579,6 @@ class Display(list[Any]):
 
 class _Slice(list[Any]):
     """A part of an array, whose entries the next index takes."""
-
-
-def _plain(x: Number) -> str:
-    return str(x.value)
 
 
 def _bound(text: str, first: int) -> Any:
