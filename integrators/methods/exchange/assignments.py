@@ -257,7 +257,7 @@ class Assignments:
     # Assignments.
 
     def _assigned(self, i: int, sign: str) -> int | None:
-        """Read what is assigned at a sign; the index behind it, or None if the sign assigns nothing that can be read."""
+        """Read what is assigned at a sign; the index behind it, or None if that cannot be read."""
         if sign not in ("=", ":=", ":", ".=", "->", "=>") or i == 0 or (sign == "=>" and self.language.indexed != "("):
             return None
         if sign in (":", "->") and not self._is_key(i, sign):
@@ -363,13 +363,10 @@ class Assignments:
             return None
         j = i - 1
         while j > self.block.start and self.tokens[j].kind != "line" and self.tokens[j].text not in ("=", ";"):
-            if (
-                self.tokens[j].text in (":", "::")
-                and self.tokens[j - 1].kind == "name"
-                and self.tokens[j].kind == "sign"
-            ):
-                if j < 2 or self.tokens[j - 2].kind == "line" or self.tokens[j - 2].text in (";", ",", "(", "const"):
-                    return self.tokens[j - 1].text
+            token, name = self.tokens[j], self.tokens[j - 1]
+            starts = j < 2 or self.tokens[j - 2].kind == "line" or self.tokens[j - 2].text in (";", ",", "(", "const")
+            if token.kind == "sign" and token.text in (":", "::") and name.kind == "name" and starts:
+                return name.text
             j = self.source.partner.get(j, j) - 1
         return None
 
@@ -377,15 +374,18 @@ class Assignments:
         """Whether the statement of a token declares names: it starts with two words, or has ``::``."""
         for _ in range(MOST_DECLARED):
             token = self.tokens[j]
+            before = j - 1 if self.language.ends_with_line else self._before(j)
             if token.text in (")", "]", "}") and j in self.source.partner:
-                j = self.source.partner[j]
+                before = self.source.partner[j]
             elif token.text in (";", "{", "(") or j <= 0 or (token.kind == "line" and self.language.ends_with_line):
                 return False
-            elif (token.text == "::" and self.language.indexed == "(") or (
-                token.kind == "name" and self.tokens[self._before(j)].kind == "name"
-            ):
+            elif (token.text == "::" and self.language.indexed == "(") or token.kind == self.tokens[
+                before
+            ].kind == "name":
                 return True
-            j = self._before(j)
+            j = before
+            if self.tokens[j].text in ("(", "[", "{"):
+                j = j - 1 if self.language.ends_with_line else self._before(j)
         return False
 
     def _assign(self, name: str, indices: list[Any], value: Any, i: int, *, is_declared: bool) -> None:

@@ -11,13 +11,14 @@ from typing import Any
 
 from bseries_base.extras import loaded_module
 from integrators.core.arguments import as_lists
-from integrators.core.errors import IntegratorError, shown
+from integrators.core.errors import IntegratorError, shorten, shown
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
 from integrators.methods.exchange.assignments import read_arrays
 from integrators.methods.exchange.formats import FORMATS, Arrays, Entries, Format, plain_format
 from integrators.methods.exchange.numbers import Number
+from integrators.methods.exchange.reading import read_tableaus
 from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
@@ -82,7 +83,7 @@ def import_tableau(
 
     Args:
         source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
-            `ARKodeButcherTable_Write` prints, or a file of RungeKutta.jl. Or an object: a method of nodepy; a
+            `ARKodeButcherTable_Write` prints, a file of RungeKutta.jl, or any source with one tableau in it. Or an object: a method of nodepy; a
             `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
         format: The format, as for `export_tableau`; by default recognised. Assignments of A, b, c and bhat without a
             package around them need none.
@@ -151,11 +152,27 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
         form = FORMATS[fits[0]]
     elif not fits and all(re.search(rf"(?<![\w.>]){name}\b[^=\n;,]{{0,100}}=(?!=)", text) for name in ("A", "b")):
         form = plain_format(text)
+    elif not fits and read_tableaus(text).records:
+        return _of_record(text)
     else:
         what = f"of {' and '.join(fits)}" if fits else "of none"
         raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
     title = re.search(form.title, text)
-    return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
+    arrays = read_arrays(form.prepare(text), form.names, form.language)
+    if not arrays and format is None and len(read_tableaus(text, form.language).records):
+        return _of_record(text, form.language)
+    return form, arrays, title and title[1]
+
+
+def _of_record(text: str, language: str | None = None) -> tuple[Format, Mapping[str, Any], str | None]:
+    """The arrays of the only tableau among the assignments of a text."""
+    records = [record for record in read_tableaus(text, language).records if record.kind == "runge-kutta"]
+    if len(records) != 1:
+        names = shorten(", ".join(record.name for record in records))
+        raise IntegratorError(f"text must have one tableau, but has {len(records)}: {names}")
+    tables = records[0].tables
+    arrays = {name: tables[name] for name in ("A", "b", "c") if name in tables}
+    return plain_format(text), {**arrays, **{"bhat": row for row in tables.get("embedded", [])[:1]}}, records[0].name
 
 
 def _known(source: object) -> RungeKutta | None:

@@ -89,10 +89,11 @@ class Token(NamedTuple):
 @cache
 def _pattern(language: Language) -> re.Pattern[str]:
     digits = r"\d++(?:_\d++)*+"
+    point = r"\.(?![.*/^\\'])" if language.spaced else r"\.(?!\.)"  # 1./x divides entries of arrays
     exponent = f"(?:{language.exponent}[-+]?\\d++)?"
     return re.compile(
         rf"(?P<comment>{language.comment})|(?P<text>{language.quoted})|(?P<joined>{language.continued})"
-        rf"|(?P<line>\r?\n)|(?P<number>(?:{digits}(?:\.(?![.*/^\\'])(?:{digits})?)?|\.{digits}){exponent}{language.suffix})"
+        rf"|(?P<line>\r?\n)|(?P<number>(?:{digits}(?:{point}(?:{digits})?)?|\.{digits}){exponent}{language.suffix})"
         rf"|(?P<name>{language.name})|(?P<sign>{SIGNS})|[ \t\f\v\xa0]++",
         re.DOTALL | re.MULTILINE,
     )

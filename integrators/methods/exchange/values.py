@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from integrators.core.errors import shorten
+from integrators.methods.exchange.arrays import Display, Slice, assembled, constant, place_of
 from integrators.methods.exchange.numbers import (
     CIRCLE,
     FUNCTIONS,
@@ -54,7 +55,10 @@ FILLED = {"zeros": ZERO, "ones": ONE, "zero": ZERO, "one": ONE, "Matrix": ZERO, 
 NOTHING = ("NULL", "nullptr", "None", "nothing", "null", "Null")
 WORDS = {
     **{name: Fraction(k) for k, name in enumerate(("ZERO", "ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX"))},
-    **{"HALF": Fraction(1, 2), "ONEHALF": Fraction(1, 2), "QUARTER": Fraction(1, 4), "TEN": Fraction(10)},
+    "HALF": Fraction(1, 2),
+    "ONEHALF": Fraction(1, 2),
+    "QUARTER": Fraction(1, 4),
+    "TEN": Fraction(10),
 }
 """Constants that headers of C define."""
 METHODS = ("astype", "copy", "tolist", "evalf")
@@ -142,6 +146,13 @@ class Reader:
             return value._replace(text=" ".join(text.split()), line=self.source.line(first.start))
         return value
 
+    def _operator(self) -> int:
+        """Go behind an operator and the end of its line; the index of the operator."""
+        at, self.i = self.i, self.i + 1
+        while self.tokens[self.i].kind == "line" and self.i + 1 < len(self.tokens):
+            self.i += 1
+        return at
+
     def _operate(self, sign: str, x: Any, y: Any, at: int) -> Any:
         if isinstance(x, Struct | Display | None) or isinstance(y, Struct | Display | None):
             self._refuse(at=at)
@@ -163,7 +174,7 @@ class Reader:
                 return value
             if self.is_display and self._is_spaced(self.i) and not self._is_spaced(self.i + 1):
                 return value  # the next entry of a row
-            at, self.i = self.i, self.i + 1
+            at = self._operator()
             value = self._operate(sign, value, self._product(), at)
 
     def _product(self) -> Any:
@@ -172,7 +183,7 @@ class Reader:
             kind, text, _ = self._token(skip=False)
             sign = text.lstrip(".") if text.startswith(".") and len(text) == 2 else text
             if kind == "sign" and (sign in "*/×÷⋅" or (sign == "//" and self.language.has_rationals)):
-                at, self.i = self.i, self.i + 1
+                at = self._operator()
                 # Julia computes a//b before products.
                 value = self._operate("*" if sign in "*×⋅" else "/", value, self._signed(), at)
             elif self._is_factor(kind, text):
@@ -206,7 +217,7 @@ class Reader:
         """Powers, and quotients a//b, which Julia computes before products."""
         value = self._power()
         while self.language.has_rationals and self._token(skip=False).text == "//":
-            at, self.i = self.i, self.i + 1
+            at = self._operator()
             negate = self._token().text == "-"
             self.i += negate
             other = self._power()
@@ -216,7 +227,7 @@ class Reader:
     def _power(self) -> Any:
         value = self._atom()
         if self._token(skip=False).text in ("^", "**", ".^") and self.tokens[self.i].kind == "sign":
-            at, self.i = self.i, self.i + 1
+            at = self._operator()
             self._count()
             return self._operate("^", value, self._signed(), at)
         return value
@@ -328,7 +339,7 @@ class Reader:
         self.depth -= 1
         self.is_display = display
         if is_spaced:
-            return _assembled([row for row in rows if row])
+            return assembled([row for row in rows if row])
         return Display(rows[0]) if self.language is LANGUAGES["python"] else rows[0]
 
     def _named(self) -> Any:
@@ -411,14 +422,14 @@ class Reader:
                 return None
             if len(bounds) > 2 or bounds == [""]:
                 return None
-            numbers = [_bound(bound, self.language.first) for bound in bounds]
+            numbers = [place_of(bound) for bound in bounds]
             found.append(numbers[0] if len(numbers) == 1 else tuple(numbers))
         return found
 
     def _part(self, value: Any, indices: Iterable[Any], at: int) -> Any:
         first = self.language.first
         for depth, index in enumerate(indices):
-            if depth and isinstance(index, int | tuple) and isinstance(value, _Slice):
+            if depth and isinstance(index, int | tuple) and isinstance(value, Slice):
                 value = [self._part(row, [index], at) for row in value]
                 continue
             if not isinstance(value, list):
@@ -426,7 +437,7 @@ class Reader:
             if isinstance(index, tuple):
                 start, stop = index
                 start = None if start is None else start - first if start >= 0 else start
-                value = _Slice(
+                value = Slice(
                     value[start : stop if stop is None or first == 0 else stop if stop >= 0 else stop + 1 or None]
                 )
                 continue
@@ -558,7 +569,7 @@ class Reader:
         if not shape or total > MOST_ENTRIES:
             self._refuse(at=at)
         line = self.source.line(self.tokens[at].start)
-        return _constant(shape, number._replace(text=self.tokens[at].text, line=line))
+        return constant(shape, number._replace(text=self.tokens[at].text, line=line))
 
     def _reshaped(self, values: list[Any]) -> Any:
         """A list as columns (Fortran) of a matrix."""
@@ -571,33 +582,3 @@ class Reader:
         if self.language.first == 0:
             return [entries[i * columns : (i + 1) * columns] for i in range(rows)]
         return [entries[i::rows] for i in range(rows)]
-
-
-class Display(list[Any]):
-    """A list of Python, whose sums and products are not those of its entries."""
-
-
-class _Slice(list[Any]):
-    """A part of an array, whose entries the next index takes."""
-
-
-def _bound(text: str, first: int) -> Any:
-    """An index, from the end of the array if negative."""
-    if not text:
-        return None
-    if text.startswith("end"):
-        return -1 - int(text[3:].replace("-", "") or 0)
-    return int(text)
-
-
-def _constant(shape: list[int], number: Number) -> Any:
-    return [_constant(shape[1:], number) for _ in range(shape[0])] if shape else number
-
-
-def _assembled(rows: list[list[Any]]) -> list[Any]:
-    """The array of rows: one row or column is a list, and rows in brackets are stacked."""
-    if len(rows) == 1:
-        return rows[0]
-    if all(len(row) == 1 for row in rows):
-        return [row[0] for row in rows]
-    return rows
