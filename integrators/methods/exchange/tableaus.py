@@ -83,8 +83,9 @@ def import_tableau(
 
     Args:
         source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
-            `ARKodeButcherTable_Write` prints, a file of RungeKutta.jl, or any source with one tableau in it. Or an object: a method of nodepy; a
-            `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
+            `ARKodeButcherTable_Write` prints, a file of RungeKutta.jl, or any source with one tableau in it. Or an
+            object: a method of nodepy; a `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or
+            one from `scipy_solver`.
         format: The format, as for `export_tableau`; by default recognised. Assignments of A, b, c and bhat without a
             package around them need none.
         name: The name of the method; by default that in the source, or ``custom``.
@@ -172,7 +173,9 @@ def _of_record(text: str, language: str | None = None) -> tuple[Format, Mapping[
         raise IntegratorError(f"text must have one tableau, but has {len(records)}: {names}")
     tables = records[0].tables
     arrays = {name: tables[name] for name in ("A", "b", "c") if name in tables}
-    return plain_format(text), {**arrays, **{"bhat": row for row in tables.get("embedded", [])[:1]}}, records[0].name
+    if "embedded" in tables:
+        arrays["bhat"] = tables["embedded"][0]
+    return plain_format(text), arrays, records[0].name
 
 
 def _known(source: object) -> RungeKutta | None:

@@ -180,11 +180,11 @@ def language_of(text: str, path: str = "") -> Language:
         "python": r"^\s*(?:import |from \w+ import|def \w+\(|class \w+.*:\s*$)|np\.array|\A\s*\{\s*\"",
         "fortran": r"(?im)^\s*(?:real|double precision|integer)\b.*::|\d\.?d0\b|_wp\b|\(/",
         "mathematica": r"\bSqrt\[|\bRational\[|:=\s*\{|^\s*\w+\s*=\s*\{\{",
-        "c": r"\w\s*\[[^\]\n]*\](?:\s*\[[^\]\n]*\])?\s*=\s*[{\w]|->\w+\[|#include|;\s*(?:/[/*].*)?$(?s:.*)\{",
+        "c": r"->\s*\w+\s*\[|^\s*#(?:include|define)|\]\s*=\s*\{\s*[{\d+-]|^\s*(?:static|const\w*|double)\s",
         "julia": r"\d\s*//\s*\d|\bfunction \w+[({]|@\w+ |\bend\s*$|[A-Z]\w*\[\s*[-\d]|√",
         "matlab": r"^\s*%|^\s*function\s*\[|\.\.\.\s*$",
     }
-    order = ("python", "fortran", "julia", "mathematica", "c", "matlab")
+    order = ("c", "python", "fortran", "julia", "mathematica", "matlab")
     for name in order:
         if re.search(marks[name], text, re.MULTILINE):
             return LANGUAGES[name]

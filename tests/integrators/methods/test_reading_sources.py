@@ -167,7 +167,7 @@ def test_sources_with_one_method_are_imported(style):
 
 def test_sources_with_several_methods_are_not_imported():
     text = "xA = [[0, 0], [1, 0]]; xb = [0, 1]; yA = [[0, 0], [1/2, 0]]; yb = [0, 1]"
-    with pytest.raises(IntegratorError, match="text must have one tableau, but has 2: x, y|2: xA, yA"):
+    with pytest.raises(IntegratorError, match="text must have one tableau, but has 2"):
         import_tableau(text)
 
 
