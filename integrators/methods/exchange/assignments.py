@@ -415,7 +415,7 @@ class Assignments:
         variable.value = _copy(value)
         if is_declared and all(isinstance(size, int) for size in indices) and any(indices):
             variable.shape = tuple(indices)
-            variable.value = _declared(value, tuple(indices))
+            variable.value = _declared(value, indices)
 
     def _is_table(self, variable: Variable) -> bool:
         """Whether an array has rows: another one in its place belongs to the next method."""
@@ -506,7 +506,7 @@ def _copy(value: Any) -> Any:
     return type(value)(_copy(entry) for entry in value) if isinstance(value, list) else value
 
 
-def _declared(value: Any, shape: tuple[int, ...]) -> Any:
+def _declared(value: Any, shape: list[int]) -> Any:
     """An array of a declared shape: missing entries are zeros, and more are a fault."""
     if not isinstance(value, list) or not shape:
         return value

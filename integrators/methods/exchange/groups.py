@@ -69,7 +69,7 @@ class Group:
         self.values: dict[str, Any] = {}
         self.lines: dict[str, int] = {}
         self.faults: dict[str, str] = {}
-        self.families: dict[str, dict[tuple[int, ...], Number]] = {}
+        self.families: dict[str, dict[tuple[str, ...], Number]] = {}
         self.said: str | None = None
         self._collect()
 
@@ -91,7 +91,7 @@ class Group:
                 if member:
                     key = member[1] + member[4]
                     index = (member[2], member[3]) if member[3] else (member[2],)
-                    self.families.setdefault(key, {})[index] = value  # type: ignore[index]
+                    self.families.setdefault(key, {})[index] = value
         self._merge_families()
 
     def _dense(self, name: str, variable: Variable) -> Any:
@@ -489,9 +489,10 @@ class Group:
 
     def _title(self, name: str) -> str:
         """The name of the method of a table: what it says of itself, the stem of its own name, or that of its block."""
-        stem = re.sub(
-            r"_?(?:[Aa]|a_lower|Gamma|C|alpha|α|B1|gamma\w*|γ\w*)(?:_?(?:hat|\w))?$", "", name.rpartition(".")[2]
-        )
+        tail = name.rpartition(".")[2]
+        stem = re.sub(r"_?(?:A|a|a_lower|Gamma|C)(?:_?(?:hat|\w))?$", "", tail)
+        if re.match("alpha|gamma|γ|α|a_lower", tail):
+            stem = ""
         if len(stem.strip("_")) > 1 and not self.block.stages:
             return stem.strip("_")
         if self.said is not None:

@@ -211,7 +211,7 @@ def _built(form: Format, arrays: Mapping[str, object], name: str | None, entries
     return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
 
 
-def _zeros(values: object) -> Any:
+def _zeros(values: Any) -> Any:
     """Nested lists of zeros in place of values."""
     values = as_lists(values)
     is_array = isinstance(values, list | tuple) and not isinstance(values, Number)

@@ -255,7 +255,12 @@ class Reader:
             return self._array()
         if text == "(":
             closing = self.source.partner.get(at)
-            if closing == at + 2 and CAST.fullmatch(self.tokens[at + 1].text) and self.language.rounds:
+            if (
+                closing is not None
+                and closing == at + 2
+                and CAST.fullmatch(self.tokens[at + 1].text)
+                and self.language.rounds
+            ):
                 self.i = closing + 1  # (double) x
                 return self._signed()
             return self._inside(self._sum)
@@ -283,7 +288,7 @@ class Reader:
         if not is_number or (text.startswith("'") and self.tokens[at - 1].text != "("):
             self._refuse(at=at)
         numbers = [self._literal(part, at) for part in parts]
-        return self._operate("/", *numbers, at) if len(parts) == 2 else numbers[0]
+        return self._operate("/", numbers[0], numbers[1], at) if len(parts) == 2 else numbers[0]
 
     def _inside(self, rule: Callable[[], Any]) -> Any:
         """What is in brackets."""
