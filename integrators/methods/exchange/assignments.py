@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
 from integrators.methods.exchange.numbers import ONE, ZERO, Number
-from integrators.methods.exchange.tokens import LANGUAGES, OPENING, Source, Token
+from integrators.methods.exchange.tokens import LANGUAGES, MOST_UNCLOSED, OPENING, Source, Token
 from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
 
 LARGEST_INDEX = 1000
@@ -560,6 +560,8 @@ def read_arrays(text: str, names: Iterable[str], language: str) -> dict[str, Any
         '1/2'
     """
     source = Source(text, LANGUAGES[language])
+    if source.unclosed > MOST_UNCLOSED:
+        raise IntegratorError(f"text must have brackets that are closed, but {source.unclosed:,} are not")
     tables = [table for block in Assignments(source).blocks for table in block.tables]
     found = {}
     for name in names:

@@ -146,7 +146,8 @@ class Group:
             others = (
                 [match[1] + other + match[3] for other in ("A", "a", "a_lower", "b", "b_sol", "α")] if match else []
             )
-            if any(other != name and other in {**self.values, **self.faults} for other in others):
+            is_alone = name in self.families
+            if is_alone or any(other != name and other in {**self.values, **self.faults} for other in others):
                 sentence = f"{self.finder.source.name}, line {self.lines[name]}: {name} {what}"
                 self.finder.unread.append(sentence)
 
@@ -248,6 +249,8 @@ class Group:
         found = self._nodes(matrix, nodes[1]) if nodes else None
         if found is not None:
             tables["c"] = found
+        if name in self.families and self._lacks_diagonal(name, matrix, found):
+            return None
         for role, names in (("embedded", EMBEDDED), ("error", ERRORS)):
             rows = []
             for one in names:
@@ -260,6 +263,17 @@ class Group:
                 is_error = role == "error" or abs(sum(map(near, row))) < NEAR
                 tables.setdefault("error" if is_error else "embedded", []).append(row)
         return tables
+
+    def _lacks_diagonal(self, name: str, matrix: list[list[Number]], nodes: list[Number] | None) -> bool:
+        """Whether entries with names of their own leave out the diagonal γ of an implicit method."""
+        if not ({"γ", "gamma"} & self.values.keys()) or not is_explicit(matrix) or name.startswith("e"):
+            return False
+        sums = [row_sum(row) for row in matrix[1:]]
+        fitting = sum(agree(x, s) for x, s in zip((nodes or [])[1:], sums, strict=False))
+        if fitting > len(sums) // 2:
+            return False
+        self.faults[name] = "has no diagonal, although there is γ"
+        return True
 
     def _nodes(self, matrix: list[list[Number]], given: Any) -> list[Number] | None:
         """The nodes of the rows, which may start with the second stage."""
@@ -372,7 +386,7 @@ class Group:
             return False
         if not all(isinstance(row, list) for row in (*alpha, *beta)) or len(alpha) != len(beta):
             return False
-        if sum(abs(sum(map(near, row)) - 1) < NEAR for row in alpha) < len(alpha) // 2:
+        if sum(abs(sum(map(near, row)) - 1) < NEAR for row in alpha) < 1:
             return False
         self._report("alpha", "shu-osher", {"alpha": alpha, "beta": beta})
         return True

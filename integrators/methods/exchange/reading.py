@@ -9,7 +9,7 @@ from integrators.core.text_files import read_text
 from integrators.methods.exchange.assignments import Assignments
 from integrators.methods.exchange.groups import Group
 from integrators.methods.exchange.records import Reading, Record
-from integrators.methods.exchange.tokens import LANGUAGES, Source, language_of
+from integrators.methods.exchange.tokens import LANGUAGES, MOST_UNCLOSED, Source, language_of
 
 
 def read_tableaus(source: str | PathLike[str], language: str | None = None, name: str | None = None) -> Reading:
@@ -52,6 +52,8 @@ class Finder:
 
     def reading(self) -> Reading:
         """All methods, in the order of their lines."""
+        if self.source.unclosed > MOST_UNCLOSED:
+            return Reading((), (f"{self.source.name}: {self.source.unclosed:,} brackets are not closed",))
         for block in Assignments(self.source).blocks:
             for k, table in enumerate(block.tables):
                 if table:

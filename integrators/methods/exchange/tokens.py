@@ -74,6 +74,8 @@ SUFFIXES = {
 SIGNS = r"\*\*|->|::|:=|=>|==|!=|~=|<=|>=|&&|\|\||\+=|-=|\*=|/=|//=|\.=|//|/\)|\(/(?!/)|\.[-+*/^]|\S"
 
 
+MOST_UNCLOSED = 1000
+"""Brackets without partners: a text with more is no source."""
 MOST_COMMENTS = 40
 MOST_CHARACTERS_SAID = 4000
 
@@ -120,6 +122,8 @@ class Source:
             elif kind == "sign" and sign in CLOSING and opened and OPENING[self.tokens[opened[-1]].text] == sign:
                 self.partner[i] = opened.pop()
                 self.partner[self.partner[i]] = i
+        self.unclosed = len(opened)
+        """The number of brackets without partners."""
 
     def _scan(self) -> Iterator[Token]:
         for match in _pattern(self.language).finditer(self.text):

@@ -243,6 +243,11 @@ def test_faults_are_said_with_their_line_and_the_rest_is_read():
     )
 
 
+def test_a_diagonal_that_is_left_out_is_said():
+    found = read_tableaus("γ = 1//4; a21 = 1//2; b1 = 1//2; b2 = 1//2; c1 = 1//4; c2 = 3//4", "julia")
+    assert (found.records, found.unread) == ((), ("text, line 1: a has no diagonal, although there is γ",))
+
+
 def test_no_value_is_made_up_when_a_part_of_it_is_unknown():
     for entry in ("Rational(1, n)", "x[0]", "f(2)", "1 if y else 2", "[1, 2][0]", "float('nan')", "1//2", "2 * n"):
         found = read_tableaus(f"A = [[0, 0], [{entry}, 0]]; b = [1/2, 1/2]", "python")
