@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, NoReturn
 
-from integrators.core.errors import shorten
+from bseries_base.errors import shorten
 from integrators.methods.exchange.arrays import Display, Slice, assembled, constant, place_of
 from integrators.methods.exchange.numbers import (
     CIRCLE,
