@@ -38,6 +38,7 @@ from trees import hopf as hopf
 from . import advice as advice
 from . import algebra as algebra
 from . import analysis as analysis
+from . import auditing as auditing
 from . import conditions as conditions
 from . import fields as fields
 from . import hamiltonians as hamiltonians

@@ -1,0 +1,2 @@
+from .corrections import Correction as Correction
+from .corrections import corrections as corrections
