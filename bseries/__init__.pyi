@@ -66,6 +66,7 @@ from .analysis.structure import hamiltonian_field as hamiltonian_field
 from .analysis.structure import symmetry as symmetry
 from .analysis.structure import symplecticity as symplecticity
 from .analysis.structure import volume_preservation as volume_preservation
+from .auditing.audit import audit as audit
 from .conditions.listing import order_conditions as order_conditions
 from .document_schemas import json_schema as json_schema
 from .exceptions import SeriesError as SeriesError

@@ -109,6 +109,7 @@ class _Search:
         self.method, self.size = method, method.stages
         self.names = [f"a[{i + 1}," for i in range(self.size)] + [f"{weights or 'b'}[", "c["]
         self.rows: Rows = tuple(tuple(map(Fraction, row)) for row in (*method.A, method.b, method.c))
+        self.near = max(1e-12, min(NEAR, 10 ** -((method.digits or 0) / 2)))
         self.claims = [(None, order), *zip(method.embedded, embedded, strict=False)]
         self.places: list[Place] = [(self.size, j) for j in range(self.size)]
         if not weights:
@@ -119,10 +120,10 @@ class _Search:
         A, own = rows[:-2], rows[-2]
         matrix = [list(map(float, row)) for row in A]
         for b, order in self.claims:
-            if any(abs(x) > NEAR for x in residuals(matrix, list(map(float, b or own)), order)):
+            if any(abs(x) > self.near for x in residuals(matrix, list(map(float, b or own)), order)):
                 return False
         digits = self.method.digits
-        return all(_order(RungeKutta(A, b or own, digits=digits, warn=False), p) >= p for b, p in self.claims)
+        return all(reached(RungeKutta(A, b or own, digits=digits, warn=False), p)[0] >= p for b, p in self.claims)
 
     def tested(self, kind: str, values: Mapping[Place, Fraction]) -> Iterator[tuple[Rows, Correction]]:
         """A change, if it restores the orders."""
@@ -159,18 +160,25 @@ class _Search:
                     yield from self.tested("shifted", values)
 
 
-def _order(method: RungeKutta, claimed: int) -> int:
-    """The order of a tableau, exactly or as that of rounded numbers, as far as it matters for a claim."""
+def reached(method: RungeKutta, claimed: int) -> tuple[int, int | None]:
+    """The order of a tableau as far as it matters for a claim, and the digits to which it holds; None if exactly.
+
+    Rounded numbers count to the digits that they show, which must be half of those that are written, and at least 6.
+    """
     found = order_of(method, claimed)
     hidden = hidden_order(method, found) if found < claimed else None
-    return hidden.order if hidden else found
+    if hidden is None or hidden.digits < (method.digits or 0) / 2:
+        return found, None
+    return hidden.order, hidden.digits
 
 
 def _unlike_a_slip(correction: Correction) -> bool:
-    """Whether a change is no sign, single digit, exchange or shift."""
+    """Whether a change is no sign, single digit, dropped entry, exchange or shift."""
     if len(correction.entries) > 1 or correction.kind == "sign":
         return False
     (was,), (value,) = correction.was, correction.should_be
+    if not was:
+        return False
     for common in (was.denominator, value.denominator):
         texts = [str(x * common) for x in (was, value)]
         if len(texts[0]) == len(texts[1]) and sum(x != y for x, y in zip(*texts, strict=True)) == 1:
@@ -191,18 +199,23 @@ def common_roots(rows: Rows, i: int, j: int, order: int) -> list[Fraction]:
     """The values of one entry of A or b (the last row) that can satisfy the conditions of tall trees.
 
     They are the roots of the greatest common divisor of these polynomials; in tableaus of rounded numbers, which have
-    none, those of the first one that depends on the entry.
+    none, those of the linear one with the largest derivative, else of the first one that depends on the entry.
     """
-    first = common = None
+    conditions = []
     for condition in tall_conditions(rows, i, j, order):
         if condition.degree() > 0:
-            first = first or condition
-            common = condition if common is None else condition.gcd(common)
+            conditions.append(condition)
         elif abs(float(from_flint(condition(0)))) > NEAR:
             return []
-    if first is None or common is None:
+    if not conditions:
         return []
-    return real_roots(common if common.degree() > 0 else first)
+    common = conditions[0]
+    for condition in conditions[1:]:
+        common = common.gcd(condition)
+    if common.degree() > 0:
+        return real_roots(common)
+    linear = [condition for condition in conditions if condition.degree() == 1]
+    return real_roots(max(linear, key=lambda x: abs(x[1])) if linear else conditions[0])
 
 
 def tall_conditions(rows: Rows, i: int, j: int, order: int) -> Iterator[fmpq_poly]:
