@@ -228,7 +228,7 @@ class Group:
     def _tableau(self, name: str, A: Any, b: Any, pre: str, post: str) -> dict[str, Any] | None:
         """The tables of a stage matrix and its weights; None if their shapes do not fit."""
         weights = as_row(b)
-        matrix = as_square(A, len(weights))
+        matrix = self._padded(A, len(weights)) if name in self.families else as_square(A, len(weights))
         if isinstance(b, dict) and matrix is None and isinstance(A, list):
             matrix = as_square(A, 0)
             weights = as_row(b, len(matrix)) if matrix else weights
@@ -251,23 +251,42 @@ class Group:
             tables["c"] = found
         if name in self.families and self._lacks_diagonal(name, matrix, found):
             return None
+        total = near(row_sum(weights))
+        if found is None and (total != 1 if stages == 1 else any(map(near, weights)) and abs(total) < NEAR):
+            self.faults[name] = f"has no nodes, and weights of sum {total:g}"
+            return None
         for role, names in (("embedded", EMBEDDED), ("error", ERRORS)):
-            rows = []
             for one in names:
                 partner = self._partner(pre, (one,), post, around=len(self.block.tables) < 2)
-                if partner and isinstance(partner[1], list | dict):
-                    row = as_row(partner[1], stages)
-                    if len(row) == stages and all(isinstance(x, Number) for x in row) and row not in rows:
-                        rows.append(row)
-            for row in rows:
-                is_error = role == "error" or abs(sum(map(near, row))) < NEAR
-                tables.setdefault("error" if is_error else "embedded", []).append(row)
+                row = as_row(partner[1], stages) if partner and isinstance(partner[1], list | dict) else []
+                if len(row) != stages or not all(isinstance(x, Number) for x in row):
+                    continue
+                if all(x.text == "zeros" for x in row):
+                    continue  # nothing was written
+                is_zero = any(map(near, row)) and abs(sum(map(near, row))) < NEAR
+                kept = "error" if role == "error" or (is_zero and not re.search("hat|emb|star", one)) else "embedded"
+                if row not in tables.setdefault(kept, []):
+                    tables[kept].append(row)
         return tables
+
+    def _padded(self, matrix: Any, stages: int) -> list[list[Number]] | None:
+        """A matrix of entries with names of their own, whose last rows and columns may be zero."""
+        more = stages - len(matrix) if isinstance(matrix, list) else 0
+        if more <= 0:
+            return as_square(matrix, stages)
+        return [[*row, *[ZERO] * more] for row in matrix] + [[ZERO] * stages for _ in range(more)]
 
     def _lacks_diagonal(self, name: str, matrix: list[list[Number]], nodes: list[Number] | None) -> bool:
         """Whether entries with names of their own leave out the diagonal γ of an implicit method."""
-        if not ({"γ", "gamma"} & self.values.keys()) or not is_explicit(matrix) or name.startswith("e"):
+        gamma = self.values.get("γ", self.values.get("gamma"))
+        if gamma is None or name.startswith("e"):
             return False
+        if not is_explicit(matrix):
+            given = [agree(row[i], gamma) for i, row in enumerate(matrix)]
+            if not any(given) or all(given[1:]) or near(matrix[-1][-1]):
+                return False
+            self.faults[name] = "has γ on a part of its diagonal only"
+            return True
         sums = [row_sum(row) for row in matrix[1:]]
         fitting = sum(agree(x, s) for x, s in zip((nodes or [])[1:], sums, strict=False))
         if fitting > len(sums) // 2:
@@ -279,7 +298,8 @@ class Group:
         """The nodes of the rows, which may start with the second stage."""
         stages = len(matrix)
         if isinstance(given, dict):
-            choices = [[given.get(i + shift) for i in range(stages)] for shift in (1, 0)]
+            shifts = [shift for shift in (1, 0) if all(0 <= key - shift < stages for key in given)]
+            choices = [[given.get(i + shift) for i in range(stages)] for shift in shifts or (1, 0)]
         else:
             row = as_row(given)
             if not all(isinstance(x, Number) for x in row):
@@ -332,25 +352,23 @@ class Group:
 
     def _nystrom(self, parts: list[Any]) -> bool:
         """A matrix and weights for positions, and weights for velocities."""
-        for pre in {""}:
-            matrix, b = self.values.get(f"{pre}a", self.values.get("A")), self.values.get(f"{pre}b")
-            velocities = next((self.values[n] for n in ("bp", "bbar", "b̄", "bprime", "dbp") if n in self.values), None)
-            if matrix is None or b is None or velocities is None:
-                return False
-            weights = as_row(velocities)
-            rows = as_square(matrix, len(weights))
-            if rows is None:
-                return False
-            tables = {"A": rows, "b": as_row(b, len(weights)), "b_velocity": weights}
-            for key, names in (("A_velocity", ("abar", "Abar", "ap")), ("c", NODES), ("error", ("btilde",)),
-                               ("error_velocity", ("bptilde",))):  # fmt: skip
-                value = next((self.values[n] for n in names if isinstance(self.values.get(n), list)), None)
-                if value is not None:
-                    row = value if key == "A_velocity" else as_row(value)
-                    tables[key] = [ZERO, *row] if key == "c" and len(row) == len(weights) - 1 else row
-            self._report("a", "nystrom", tables)
-            return True
-        return False
+        matrix, b = self.values.get("a", self.values.get("A")), self.values.get("b")
+        velocities = next((self.values[n] for n in ("bp", "bbar", "b̄", "bprime", "dbp") if n in self.values), None)
+        if matrix is None or b is None or velocities is None:
+            return False
+        weights = as_row(velocities)
+        rows = as_square(matrix, len(weights))
+        if rows is None:
+            return False
+        tables = {"A": rows, "b": as_row(b, len(weights)), "b_velocity": weights}
+        for key, names in (("A_velocity", ("abar", "Abar", "ap")), ("c", NODES), ("error", ("btilde",)),
+                           ("error_velocity", ("bptilde",))):  # fmt: skip
+            value = next((self.values[n] for n in names if isinstance(self.values.get(n), list)), None)
+            if value is not None:
+                row = value if key == "A_velocity" else as_row(value)
+                tables[key] = [ZERO, *row] if key == "c" and len(row) == len(weights) - 1 else row
+        self._report("a", "nystrom", tables)
+        return True
 
     def _rosenbrock(self, parts: list[Any]) -> bool:
         """Two matrices A and C or Γ, and weights."""
@@ -466,7 +484,7 @@ class Group:
         vectors = {n: v for n, v in self.values.items() if isinstance(v, dict)}
         for name in matrices:
             rows = as_square(self.values[name], 0)
-            if rows is None or len(rows) < 2:
+            if rows is None or len(rows) < 2 or name in self.faults:
                 continue
             stages = len(rows)
             fitting = {n: as_row(v, stages) for n, v in vectors.items() if max(v) <= stages}

@@ -269,7 +269,70 @@ HOSTILE = [
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 @pytest.mark.parametrize("language", ["c", "julia", "python", "fortran", "matlab", "mathematica"])
 def test_hostile_text_ends_in_no_method(text, language):
-    assert all(record.kind for record in read_tableaus(text, language).records)
+    assert read_tableaus(text, language, "file").records == ()
+
+
+BROKEN = {
+    "9**9**9": "has a power of more than", "1e999999999": "has a number of more than", "1/0": "divides by zero",
+    "-" * 20_000 + "1": "must have at most", "(" * 900 + "1" + ")" * 900: "must have at most",
+    "unknown": "has 'unknown'",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", BROKEN, ids=range(len(BROKEN)))
+def test_a_hostile_entry_is_said_with_its_line_and_what_follows_is_read(entry):
+    good = "def second():\n    A = [[0, 0], [1, 0]]\n    b = [0.5, 0.5]\n    c = [0, 1]\n"
+    found = read_tableaus(
+        f"def first():\n    A = [[0, 0], [{entry}, 0]]\n    b = [1, 0]\n\n{good}", "python", "file.py"
+    )
+    assert [(record.name, record.line) for record in found.records] == [("second", 6)]
+    assert len(found.unread) == 1
+    assert found.unread[0].startswith(f"file.py, line 2: A {BROKEN[entry]}")
+
+
+def wrong(table, kind, i):
+    """The table with one wrong entry, the i-th that is not 0; another one stays."""
+    rows = [list(row) for row in table]
+    places = [(j, k) for j, row in enumerate(rows) for k, x in enumerate(row) if x]
+    j, k = places[i % len(places)]
+    x, other = rows[j][k], (k + 1) % len(rows[j])
+    if kind == "transposed":
+        rows[j][k], rows[j][other] = rows[j][other], x
+    else:
+        rows[j][k] = {"sign": -x, "digit": x + F(3, x.denominator), "dropped": F(0)}[kind]
+    return rows
+
+
+@pytest.mark.parametrize("kind", ["sign", "digit", "dropped", "transposed"])
+@pytest.mark.parametrize("role", ["A", "b", "c", "embedded"])
+@pytest.mark.parametrize("i", range(3))
+def test_a_wrong_entry_is_read_as_it_is_written(kind, role, i):
+    """No table changes its role because its row sums are wrong; nodes that are moved keep their rows."""
+    tables = {"A": [[F(x) for x in row] for row in A], "b": [B], "c": [[F(x) for x in C]],
+              "embedded": [[F(1, 4), F(1, 2), F(1, 4)]]}  # fmt: skip
+    tables[role] = wrong(tables[role], kind, i)
+    a, (b,), (c,), (e,) = (tables[key] for key in ("A", "b", "c", "embedded"))
+    names = "".join(f"a{i + 1}{j + 1} = T({x.numerator} // {x.denominator})\n"
+                    for i, row in enumerate(a) for j, x in enumerate(row) if x)  # fmt: skip
+    for letter, row in (("b", b), ("c", c), ("bhat", e)):
+        names += "".join(f"{letter}{i + 1} = T({x.numerator} // {x.denominator})\n" for i, x in enumerate(row))
+    rows = [f"[{', '.join(map(str, row))}]" for row in (*a, b, c, e)]
+    arrays = f"A = [{', '.join(rows[:3])}]; b = {rows[3]}; c = {rows[4]}; b_hat = {rows[5]}"
+    for text, language in ((f"function f(T)\n{names}end", "julia"), (arrays, "python")):
+        found = only(text, language)
+        read = {key: numbers(table) for key, table in found.tables.items()}
+        assert read == {"A": a, "b": b, "c": c, "embedded": [e]}
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("γ = 1//4; a11 = γ; a21 = 1//2; b1 = 1//2; b2 = 1//2; c1 = 1//4; c2 = 3//4",
+     "a has γ on a part of its diagonal only"),
+    ("a = 1//2; α = 1//4", "a has no nodes, and weights of sum 0.25"),
+    ("A = [0 0; 1 0]; b = [1, -1]", "A has no nodes, and weights of sum 0"),
+])  # fmt: skip
+def test_what_is_no_method_is_said(text, sentence):
+    found = read_tableaus(text, "julia")
+    assert (found.records, found.unread) == ((), (f"text, line 1: {sentence}",))
 
 
 def test_binary_files_and_unknown_languages_are_refused(tmp_path):
