@@ -199,6 +199,8 @@ def audit(
             continue
         unread += reading.unread
         for record in reading.records:
+            if len(record.name) == 1:  # a variable such as A
+                record = replace(record, name=Path(record.source).stem)
             said = claims_of(record.claims, record.name)
             if wanted is not None or record.name in known:
                 said = Claims(known.get(record.name, wanted), said.embedded)
@@ -314,10 +316,6 @@ def _findings(
     others = () if said.embedded is None else (said.embedded,)
     if said.order is not None and order < min(said.order, MOST):
         yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, said.order, others))
-    elif said.order is not None and _wrong_nodes(method):
-        mended = _mended(method, record, said.order, others)
-        if mended:
-            yield Finding("nodes that are row sums", "they are not", mended)
     if said.embedded is not None and orders and max(orders) < min(said.embedded, MOST) and order >= (said.order or 0):
         at = orders.index(max(orders))
         mended = _mended(rows[at], record, said.embedded, (), weights="embedded", row=at)

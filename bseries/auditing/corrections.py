@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.analysis.order import order_of
 from bseries.analysis.rounding import hidden_order
@@ -22,7 +22,7 @@ from trees.counting import check_order
 if TYPE_CHECKING:
     from flint import fmpq_poly
 
-MOST_STAGES = 30
+MOST_STAGES = 16
 """Wrong entries of larger tableaus are not looked for."""
 
 NEAR = 1e-5
@@ -42,6 +42,12 @@ class Correction(NamedTuple):
         entries: The entries that change, such as ``a[4,3]``, ``b[2]`` and ``c[2]``, counted from 1.
         was: Their values.
         should_be: The values that restore the orders.
+
+    Example:
+        >>> from fractions import Fraction
+        >>> import bseries as bs
+        >>> print(bs.auditing.Correction("sign", ("b[1]",), (Fraction(-1),), (Fraction(1),)))
+        b[1] = 1 in place of -1
     """
 
     kind: str
@@ -72,7 +78,7 @@ def corrections(
         The changes; none where none exists, or where orders and row sums are as claimed.
 
     Raises:
-        SeriesError: The entries are no rational numbers, or there are more than 30 stages.
+        SeriesError: The entries are no rational numbers, or there are more than 16 stages.
 
     Example:
         >>> import bseries as bs
@@ -84,7 +90,7 @@ def corrections(
     search = _Search(method, check_order(order), tuple(embedded), weights)
     if not wrong_sums(search.rows) and search.restores(search.rows):
         return ()
-    for changes in (search.single_entries, search.several_entries):
+    for changes in (search.single_entries, search.several_entries, search.entries_above):
         found = list(changes())
         if found:
             rated = [(wrong_sums(rows), _unlike_a_slip(x)) for rows, x in found]
@@ -106,9 +112,10 @@ class _Search:
             raise SeriesError(f"method must be a tableau with rational entries, but was {method!r:.60}")
         if method.stages > MOST_STAGES:
             raise SeriesError(f"method must have at most {MOST_STAGES} stages, but has {method.stages}")
-        self.method, self.size = method, method.stages
+        self.method, self.size, self.only_weights = method, method.stages, bool(weights)
         self.names = [f"a[{i + 1}," for i in range(self.size)] + [f"{weights or 'b'}[", "c["]
-        self.rows: Rows = tuple(tuple(map(Fraction, row)) for row in (*method.A, method.b, method.c))
+        rows: Any = (*method.A, method.b, method.c)
+        self.rows: Rows = tuple(tuple(map(Fraction, row)) for row in rows)
         self.near = max(1e-12, min(NEAR, 10 ** -((method.digits or 0) / 2)))
         self.claims = [(None, order), *zip(method.embedded, embedded, strict=False)]
         self.places: list[Place] = [(self.size, j) for j in range(self.size)]
@@ -145,6 +152,12 @@ class _Search:
                 values |= {was + missing[i]} if i in missing else set()
             for x in values - {was}:
                 yield from self.tested("sign" if x == -was else "entry", {(i, j): x})
+
+    def entries_above(self) -> Iterator[tuple[Rows, Correction]]:
+        """The entries that an explicit tableau does not have: one may have been lost."""
+        if self.method.is_explicit and not self.only_weights:
+            self.places = [(i, j) for i in range(self.size) for j in range(i, self.size)]
+            yield from self.single_entries()
 
     def several_entries(self) -> Iterator[tuple[Rows, Correction]]:
         """Two entries of a row or column, or across the diagonal, exchanged; or a row shifted by a place."""
@@ -247,7 +260,8 @@ def real_roots(polynomial: fmpq_poly) -> list[Fraction]:
             found.append(from_flint(-flint.fmpq(factor[0]) / factor[1]))
             continue
         with flint.ctx.workprec(120):
-            for root, _ in factor.complex_roots():
+            roots: Any = factor.complex_roots()
+            for root, _ in roots:
                 if root.imag == 0:
                     mantissa, exponent = root.real.mid().man_exp()
                     found.append(Fraction(int(mantissa)) * Fraction(2) ** int(exponent))

@@ -80,7 +80,8 @@ def literal(text: str) -> Number:
     value = Fraction(int(sign + whole + (decimals or ""))) * Fraction(10) ** (power - len(decimals or ""))
     is_decimal = decimals is not None
     digits = len((whole + (decimals or "")).strip("0")) if is_decimal else 0
-    return Number(exact.bounded(value), digits, not is_decimal and exponent is None)
+    bounded: Any = exact.bounded(value)
+    return Number(bounded, digits, not is_decimal and exponent is None)
 
 
 def combine(sign: str, x: Number, y: Number) -> Number:
@@ -97,7 +98,7 @@ def combine(sign: str, x: Number, y: Number) -> Number:
     return Number(_formula(sign, a, b), digits, is_whole, estimate=_estimate(sign, x.near, y.near))
 
 
-def _rational(sign: str, a: Fraction, b: Fraction) -> Fraction | None:
+def _rational(sign: str, a: Fraction, b: Fraction) -> Any:
     """The result on fractions; None if it is no fraction."""
     if sign == "+":
         return exact.bounded(a + b)
