@@ -38,6 +38,7 @@ from trees import hopf as hopf
 from . import advice as advice
 from . import algebra as algebra
 from . import analysis as analysis
+from . import auditing as auditing
 from . import conditions as conditions
 from . import fields as fields
 from . import hamiltonians as hamiltonians
@@ -65,6 +66,7 @@ from .analysis.structure import hamiltonian_field as hamiltonian_field
 from .analysis.structure import symmetry as symmetry
 from .analysis.structure import symplecticity as symplecticity
 from .analysis.structure import volume_preservation as volume_preservation
+from .auditing.audit import audit as audit
 from .conditions.listing import order_conditions as order_conditions
 from .document_schemas import json_schema as json_schema
 from .exceptions import SeriesError as SeriesError

@@ -25,6 +25,7 @@ VERBS = {
     "hamiltonian": "hamiltonian",
     "drift": "drift",
     "check": "check",
+    "audit": "audit",
     "conditions": "conditions",
     "trees": "trees",
     "methods": "catalogue",

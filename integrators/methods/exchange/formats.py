@@ -19,7 +19,7 @@ from integrators.core.errors import IntegratorError
 from integrators.core.text_files import LARGEST_NUMBER
 from integrators.exact.entries import Entry, is_sympy, multiply_entries, read_entry, round_entry, sum_entries
 from integrators.exact.expressions import decimal_text, format_number
-from integrators.methods.exchange.array_text import JULIA, PYTHON, C, Language
+from integrators.methods.exchange.numbers import Number
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.methods.tableaux.weights import MAX_ORDER, order_of_weights
 
@@ -27,9 +27,6 @@ DOUBLE_DIGITS = 16
 """Decimals with so many significant digits or more count as rounded."""
 LARGEST_DENOMINATOR = 10**6
 """Of fractions behind doubles: three of 100,000 random doubles are nearest to such a fraction."""
-LITERAL = re.compile(r"(?<![\w.])(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
-
-
 Arrays: TypeAlias = tuple[Any, Any, Any, Any]
 """The stage matrix, weights, nodes or None, and rows of embedded weights, as nested lists."""
 
@@ -37,7 +34,7 @@ Arrays: TypeAlias = tuple[Any, Any, Any, Any]
 class Format(NamedTuple):
     """The text and the objects of one package."""
 
-    language: Language  # the language of the text
+    language: str  # the language of the text
     marks: str  # a pattern of what only text in this format has
     title: str  # a pattern of the name of the method in the text
     names: Sequence[str]  # the names of the arrays in the text
@@ -171,19 +168,15 @@ class Entries:
     def read(self, values: object, name: str) -> Any:
         """Nested lists of entries."""
         values = as_lists(values)
-        if isinstance(values, list | tuple):
+        if isinstance(values, list | tuple) and not isinstance(values, Number):
             return [self.read(value, name) for value in values]
-        entry = read_entry(values, name)
+        number, digits = (values.value, values.digits) if isinstance(values, Number) else (values, 0)
+        entry = read_entry(number, name)
         if isinstance(entry, float):
             decimal = Fraction(Decimal(repr(entry)))
             return decimal if decimal == entry else self._inexact(decimal, DOUBLE_DIGITS)
-        # Significant digits of decimals; integers have none.
-        decimals = [x for x in LITERAL.findall(values) if "." in x] if isinstance(values, str) else []
-        counts = [len(re.sub("[eE].*", "", x).replace(".", "").strip("0")) for x in decimals]
-        self.longest = max(self.longest, *counts, 0)
-        if isinstance(entry, Fraction) and max(counts, default=0) >= DOUBLE_DIGITS:
-            return self._inexact(entry, max(counts))
-        return entry
+        self.longest = max(self.longest, digits)
+        return self._inexact(entry, digits) if isinstance(entry, Fraction) and digits >= DOUBLE_DIGITS else entry
 
     def _inexact(self, value: Fraction, digits: int) -> Fraction:
         """A rounded number, or the fraction behind it."""
@@ -433,28 +426,28 @@ const PetscReal c[{stages}] = {_braces(shown.c, shown.digits)};
 
 FORMATS: dict[str, Format] = {
     "nodepy": Format(
-        PYTHON, r"nodepy|RungeKutta(?:Method|Pair)\(", r'\bname\s*=\s*"([^"\\\n]{1,100})"', ("A", "b", "bhat"),
+        "python", r"nodepy|RungeKutta(?:Method|Pair)\(", r'\bname\s*=\s*"([^"\\\n]{1,100})"', ("A", "b", "bhat"),
         _write_nodepy, partial(_by_name, A="A", b="b", c="c", embedded="bhat", is_c_needed=False)),
     "diffrax": Format(
-        PYTHON, r"\b(?:Multi)?ButcherTableau\b", r"\b(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
+        "python", r"\b(?:Multi)?ButcherTableau\b", r"\b(\w+?)(?:_tableau)?\s*=\s*ButcherTableau",
         ("a_lower", "b_sol", "b_error", "c", "a_diagonal", "c1"), _write_diffrax, _diffrax_tableau),
     "scipy": Format(
-        PYTHON, r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
+        "python", r"\(\s*(?:\w+\.)?(?:RungeKutta|RK\d+|OdeSolver)\s*\)\s*:", r"class\s+(\w+?)(?:Solver)?\s*\(",
         ("A", "B", "C", "E"), _write_scipy, _scipy_tableau),
     "sundials": Format(
-        C, r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$",
+        "c", r"ARKodeButcherTable|sunrealtype|SUN_RCONST|\A\s*A =\s*$",
         r"ARKodeButcherTable\s+(\w+?)(?:_table)?\s*\(void\)", ("A", "b", "c", "d"), _write_sundials,
         partial(_by_name, A="A", b="b", c="c", embedded="d"), _printed_table),
     "petsc": Format(
-        C, r"PetscReal|TS(?:RK|DIRK)Register", r'TS(?:RK|DIRK)Register\("([^"\\\n]{1,100})"',
+        "c", r"PetscReal|TS(?:RK|DIRK)Register", r'TS(?:RK|DIRK)Register\("([^"\\\n]{1,100})"',
         ("A", "b", "c", "bembed"), _write_petsc,
         partial(_by_name, A="A", b="b", c="c", embedded="bembed", is_c_needed=False)),
     "rungekutta.jl": Format(
-        JULIA, r"\bTableau(?:\{\w+\})?\(|\A\s*#\s*\d+\s+\d+\s+\w+\s*$",
+        "julia", r"\bTableau(?:\{\w+\})?\(|\A\s*#\s*\d+\s+\d+\s+\w+\s*$",
         r'\bTableau(?:\{\w+\})?\((?::|Symbol\(")([\w-]{1,100})', ("a", "b", "c"), _write_rungekutta_jl,
         partial(_by_name, A="a", b="b", c="c"), _tabulated),
     "sciml": Format(
-        JULIA, "[Ee]xplicitRKTableau|ImplicitRKTableau",
+        "julia", "[Ee]xplicitRKTableau|ImplicitRKTableau",
         r"\b(\w+?)(?:_tableau)?\s*=\s*(?:\w+\.)?(?:Ex|Im)plicitRKTableau", ("A", "c", "α", "αEEst"), _write_sciml,
         partial(_by_name, A="A", b="α", c="c", embedded="αEEst")),
 }  # fmt: skip
@@ -463,5 +456,5 @@ FORMATS: dict[str, Format] = {
 def plain_format(text: str) -> Format:
     """The format of plain assignments of A, b, c and bhat, in the language whose brackets the text has."""
     nested = re.search(r"[\[(]\s*[\[(]", text)
-    language = C if "{" in text else PYTHON if nested else JULIA
+    language = "c" if "{" in text else "python" if nested else "julia"
     return FORMATS["nodepy"]._replace(language=language, names=("A", "b", "c", "bhat"))

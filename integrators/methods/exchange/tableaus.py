@@ -9,21 +9,24 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from bseries_base.errors import shown
+from bseries_base.errors import shorten, shown
 from bseries_base.extras import loaded_module
 from integrators.core.arguments import as_lists
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.catalogue.registry import method as named_method
-from integrators.methods.exchange.array_text import MOST_CHARACTERS, read_arrays
+from integrators.methods.exchange.assignments import read_arrays
 from integrators.methods.exchange.formats import FORMATS, Arrays, Entries, Format, plain_format
+from integrators.methods.exchange.numbers import Number
+from integrators.methods.exchange.reading import read_tableaus
 from integrators.methods.programs.program import MAX_STAGES, Method
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.weights import order_of_weights
 
 OBJECTS = {"diffrax": ("a_lower", "b_sol"), "scipy": ("A", "B", "C"), "nodepy": ("A", "b")}
 """Attributes that tell the objects of packages."""
+MOST_CHARACTERS = 1_000_000
 LEAST_ROUNDED = 10
 """Decimals with fewer digits are exact: as doubles they satisfy order conditions to 9 digits."""
 
@@ -81,8 +84,9 @@ def import_tableau(
 
     Args:
         source: Text or a path to it: assignments of the arrays, as `export_tableau` and these packages write them, what
-            `ARKodeButcherTable_Write` prints, or a file of RungeKutta.jl. Or an object: a method of nodepy; a
-            `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or one from `scipy_solver`.
+            `ARKodeButcherTable_Write` prints, a file of RungeKutta.jl, or any source with one tableau in it. Or an
+            object: a method of nodepy; a `ButcherTableau` or a solver of diffrax; a class of SciPy, such as ``RK45`` or
+            one from `scipy_solver`.
         format: The format, as for `export_tableau`; by default recognised. Assignments of A, b, c and bhat without a
             package around them need none.
         name: The name of the method; by default that in the source, or ``custom``.
@@ -150,11 +154,29 @@ def _of_text(text: str, format: str | None) -> tuple[Format, Mapping[str, Any], 
         form = FORMATS[fits[0]]
     elif not fits and all(re.search(rf"(?<![\w.>]){name}\b[^=\n;,]{{0,100}}=(?!=)", text) for name in ("A", "b")):
         form = plain_format(text)
+    elif not fits and read_tableaus(text).records:
+        return _of_record(text)
     else:
         what = f"of {' and '.join(fits)}" if fits else "of none"
         raise IntegratorError(f"format must be given, one of {', '.join(FORMATS)}, as the text has marks {what}")
     title = re.search(form.title, text)
-    return form, read_arrays(form.prepare(text), form.names, form.language), title and title[1]
+    arrays = read_arrays(form.prepare(text), form.names, form.language)
+    if not arrays and format is None and len(read_tableaus(text, form.language).records):
+        return _of_record(text, form.language)
+    return form, arrays, title and title[1]
+
+
+def _of_record(text: str, language: str | None = None) -> tuple[Format, Mapping[str, Any], str | None]:
+    """The arrays of the only tableau among the assignments of a text."""
+    records = [record for record in read_tableaus(text, language).records if record.kind == "runge-kutta"]
+    if len(records) != 1:
+        names = shorten(", ".join(record.name for record in records))
+        raise IntegratorError(f"text must have one tableau, but has {len(records)}: {names}")
+    tables = records[0].tables
+    arrays = {name: tables[name] for name in ("A", "b", "c") if name in tables}
+    if "embedded" in tables:
+        arrays["bhat"] = tables["embedded"][0]
+    return plain_format(text), arrays, records[0].name
 
 
 def _known(source: object) -> RungeKutta | None:
@@ -190,10 +212,11 @@ def _built(form: Format, arrays: Mapping[str, object], name: str | None, entries
     return RungeKutta(A, b, c, embedded=embedded, name=name, digits=entries.digits, warn=False)
 
 
-def _zeros(values: object) -> Any:
+def _zeros(values: Any) -> Any:
     """Nested lists of zeros in place of values."""
     values = as_lists(values)
-    return [_zeros(value) for value in values] if isinstance(values, list | tuple) else Fraction(0)
+    is_array = isinstance(values, list | tuple) and not isinstance(values, Number)
+    return [_zeros(value) for value in values] if is_array else Fraction(0)
 
 
 def _tableau(form: Format, arrays: Mapping[str, object]) -> Arrays:

@@ -78,6 +78,7 @@ def rotor():
 
 
 OBJECTS = {
+    "audit": lambda: bs.audit({"euler.py": "# first-order method\nA = [[0]]\nb = [1]"}),
     "answers": lambda: check_answers("1d = no\n4c = 1/3\n7a = f"),
     "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "harmonic-oscillator"),
     "field": lambda: bs.series("rk4", 3).log(),

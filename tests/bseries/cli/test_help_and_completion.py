@@ -20,7 +20,7 @@ def examples() -> list[str]:
     """The lines of help texts that start with `bseries`, but those that need or write a file, or serve for ever."""
     texts = [command.help or "" for command in (application, *(application.get_command(None, v) for v in VERBS))]  # type: ignore[arg-type]
     lines = [line.strip() for text in texts for line in text.splitlines() if line.strip().startswith("bseries ")]
-    left_out = r"tableau\.toml|answers\.txt|shadow \w+\.|[>|]|order 15|bseries explore"
+    left_out = r"tableau\.toml|answers\.txt|shadow \w+\.|[>|]|order 15|bseries explore|bseries audit"
     return [line for line in lines if not re.search(left_out, line)]
 
 
