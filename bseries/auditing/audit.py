@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from bseries.analysis.order import order_of
 from bseries.analysis.rounding import hidden_order
@@ -17,6 +17,7 @@ from bseries.exceptions import SeriesError
 from bseries_base.errors import BSeriesError, shown
 from bseries_base.table import Column, Table, as_frame, as_html, as_text
 from integrators import PartitionedRungeKutta, RungeKutta
+from integrators.methods.exchange.numbers import Number
 from integrators.methods.exchange.reading import read_tableaus
 from integrators.methods.exchange.records import Record
 from trees.counting import check_order
@@ -30,6 +31,10 @@ SUFFIXES = (
 NEAR = 1e-6
 """Row sums that differ from nodes by more are said."""
 
+
+Numbers: TypeAlias = Sequence[Number]
+Change: TypeAlias = dict[str, str | int]
+"""An entry, what it was, what it should be, and its line."""
 
 MOST_UNREAD = 10
 """Sentences on what was not read, in text."""
@@ -48,7 +53,7 @@ class Finding:
 
     claim: str
     found: str
-    corrections: tuple[tuple[dict[str, Any], ...], ...] = ()
+    corrections: tuple[tuple[Change, ...], ...] = ()
 
     def __str__(self) -> str:
         text = f"{self.claim}, but {self.found}"
@@ -300,13 +305,15 @@ def _in_decimals(method: RungeKutta) -> RungeKutta:
     return RungeKutta(A, b, c, embedded=embedded or None, warn=False)
 
 
-def _other_weights(A: Sequence[Sequence[Any]], b: Sequence[Any], error: Sequence[Any]) -> list[Fraction]:
+def _other_weights(A: Sequence[Numbers], b: Numbers, error: Numbers) -> list[Fraction]:
     """The other row of weights, from differences of either sign: that with the smaller residuals."""
-    if not all(isinstance(x.value, Fraction) for row in (*A, b, error) for x in row):
+    values = [[x.value for x in row if isinstance(x.value, Fraction)] for row in (*A, b, error)]
+    if any(len(row) < len(b) for row in values):
         raise SeriesError("entries must be rational where only differences of weights are given")
-    matrix = [[float(x.value) for x in row] for row in A]
-    rows = [[x.value + sign * y.value for x, y in zip(b, error, strict=True)] for sign in (-1, 1)]
-    return min(rows, key=lambda row: sum(x * x for x in residuals(matrix, list(map(float, row)), 4)))
+    *matrix, own, differences = values
+    rows = [[x + sign * y for x, y in zip(own, differences, strict=True)] for sign in (-1, 1)]
+    floats = [list(map(float, row)) for row in matrix]
+    return min(rows, key=lambda row: sum(x * x for x in residuals(floats, list(map(float, row)), 4)))
 
 
 def _findings(
@@ -337,7 +344,7 @@ def _notes(method: RungeKutta, findings: Sequence[Finding]) -> Iterator[str]:
 
 def _mended(
     method: RungeKutta, record: Record, order: int, embedded: tuple[int, ...], weights: str = "", row: int = 0
-) -> tuple[tuple[dict[str, Any], ...], ...]:
+) -> tuple[tuple[Change, ...], ...]:
     """The corrections of a tableau, in the words of the source."""
     try:
         found = corrections(method, order, embedded, weights=weights)
@@ -346,7 +353,7 @@ def _mended(
     return tuple(tuple(_changes(correction, record, row)) for correction in found)
 
 
-def _changes(correction: Correction, record: Record, row: int) -> Iterator[dict[str, Any]]:
+def _changes(correction: Correction, record: Record, row: int) -> Iterator[Change]:
     """Each entry of a correction, with the text of the source and its line."""
     for entry, was, value in zip(correction.entries, correction.was, correction.should_be, strict=True):
         name, _, inside = entry.rstrip("]").partition("[")
