@@ -88,10 +88,10 @@ def rounded_order(method: Method | str) -> RoundedOrder | None:
     )
 
 
-def hidden_order(method: Method, order: int) -> RoundedOrder | None:
-    """The rounded order of a method if it is larger than the order that is decided for it."""
+def hidden_order(method: Method, order: int, most: int | None = None) -> RoundedOrder | None:
+    """The rounded order of a method, up to one, if it is larger than the order that is decided for it."""
     decimals, found, digits = _as_decimals(method), order, 0
-    while decimals is not None and found < affordable_order(len(method.names)):
+    while decimals is not None and found < (most or affordable_order(len(method.names))):
         shown = _digits_shown(decimals, found + 1)
         if shown < LEAST_DIGITS:
             break

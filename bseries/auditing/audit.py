@@ -313,7 +313,7 @@ def _other_weights(A: Sequence[Numbers], b: Numbers, error: Numbers) -> list[Fra
     *matrix, own, differences = values
     rows = [[x + sign * y for x, y in zip(own, differences, strict=True)] for sign in (-1, 1)]
     floats = [list(map(float, row)) for row in matrix]
-    return min(rows, key=lambda row: sum(x * x for x in residuals(floats, list(map(float, row)), 4)))
+    return min(rows, key=lambda row: sum(x * x for x in residuals(floats, list(map(float, row)), MOST)))
 
 
 def _findings(

@@ -28,6 +28,9 @@ MOST_STAGES = 16
 NEAR = 1e-5
 """Conditions that hold to this are worth the decision of all conditions, and row sums this near agree with nodes."""
 
+ENOUGH = 12
+"""Digits to which an order may hold whatever is written: tables are often printed with digits beyond doubles."""
+
 Rows = tuple[tuple[Fraction, ...], ...]
 """The rows of A, the weights b, and the nodes c."""
 
@@ -176,11 +179,11 @@ class _Search:
 def reached(method: RungeKutta, claimed: int) -> tuple[int, int | None]:
     """The order of a tableau as far as it matters for a claim, and the digits to which it holds; None if exactly.
 
-    Rounded numbers count to the digits that they show, which must be half of those that are written, and at least 6.
+    Rounded numbers count to the digits that they show: 12, half of those that are written, or at least 6.
     """
     found = order_of(method, claimed)
-    hidden = hidden_order(method, found) if found < claimed else None
-    if hidden is None or hidden.digits < (method.digits or 0) / 2:
+    hidden = hidden_order(method, found, claimed) if found < claimed else None
+    if hidden is None or hidden.digits < min((method.digits or 0) / 2, ENOUGH):
         return found, None
     return hidden.order, hidden.digits
 
