@@ -30,6 +30,10 @@ __all__ = sorted(_modules)  # pyright: ignore[reportUnsupportedDunderAll]
 def __getattr__(name: str) -> object:
     if name == "errors":
         return (_trees.TreeError, _integrators.IntegratorError, __getattr__("SeriesError"))
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("bseries-engine")
     if name not in _modules:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = _modules[name]

@@ -82,3 +82,5 @@ from .hamiltonians.modified_hamiltonian import modified_hamiltonian as modified_
 from .shadow.trajectory_energies import shadow_energy as shadow_energy
 
 errors: tuple[type[TreeError], type[IntegratorError], type[SeriesError]]
+
+__version__: str

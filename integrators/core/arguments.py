@@ -38,7 +38,9 @@ def read_whole(value: object, argument: str, what: str, least: int, most: int) -
 
 
 def read_steps(value: object, argument: str, least: int) -> int:
-    """A number of steps."""
+    """A number of steps; 1e6 is one."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     return read_whole(value, argument, f"a whole number from {least} to 2^53", least, MOST_STEPS)
 
 

@@ -33,6 +33,7 @@ from integrators.runs.titles import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import DTypeLike
     from pandas import DataFrame
     from xarray import Dataset
 
@@ -78,6 +79,8 @@ class Trajectory(Tabular):
         <Trajectory of rk4 on pendulum: 3 states from t = 0 to 20, energy observed>
         >>> run.t, run.variables, run.y.shape, run.meta["method"]["b"]
         (array([ 0., 10., 20.]), ('p', 'q'), (2, 3), ['1/6', '1/3', '1/3', '1/6'])
+        >>> bool((run["q"] == run.y[1]).all())
+        True
     """
 
     def __init__(
@@ -93,6 +96,25 @@ class Trajectory(Tabular):
         span = f"{len(self.t):,} states from t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "no states"
         observed = f", {', '.join(self.observed)} observed" if self.observed else ""
         return f"<Trajectory of {_names(self)}: {span}{observed}>"
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The values of a variable or of an observed quantity, or the times ``t``, by name.
+
+        Raises:
+            IntegratorError: There is nothing of this name.
+        """
+        if name in self.variables:
+            return self.y[self.variables.index(name)]
+        if name in self.observed:
+            return self.observed[name]
+        if name == "t":
+            return self.t
+        known = ", ".join([*self.variables, *self.observed, "t"])
+        raise IntegratorError(f"name must be one of {shorten(known)}, but was {shown(name)}")
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> np.ndarray:
+        """The stored states, so that NumPy's functions take a run for them."""
+        return np.array(self.y, dtype) if copy else np.asarray(self.y, dtype)
 
     def to_table(self) -> Table:
         """Quantities and variables at the start and at the end; CSV and pandas have a row for each time."""

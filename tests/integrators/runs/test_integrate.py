@@ -523,3 +523,18 @@ def test_observers_that_fail_leave_nan():
         run = integrate("rk4", PENDULUM, h=0.1, steps=4, observe=late)
     (values,) = run.observed.values()
     np.testing.assert_allclose(values, [0, 0.1, 0.2, np.nan, np.nan], atol=1e-15)
+
+
+def test_runs_are_read_by_name_and_by_numpy():
+    run = integrate("rk4", "henon-heiles", h=0.1, steps=1e1, observe="energy")
+    assert len(run.t) == 11
+    assert (run["q2"] == run.y[3]).all()
+    assert run["energy"] is run.observed["energy"]
+    assert run["t"] is run.t
+    assert np.asarray(run) is run.y
+    assert np.mean(run) == run.y.mean()
+    assert np.array(run, dtype=np.float32).dtype == np.float32
+    with pytest.raises(IntegratorError, match="name must be one of p1, p2, q1, q2, energy, t, but was 'x'"):
+        run["x"]
+    with pytest.raises(IntegratorError, match="steps must be a whole number"):
+        integrate("rk4", "henon-heiles", h=0.1, steps=10.5)
