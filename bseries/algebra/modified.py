@@ -10,7 +10,7 @@ from typing import Any, overload
 
 from bseries.algebra.bseries import BSeries, class_on
 from bseries.algebra.series import Series
-from bseries.algebra.stages import ExactStages, FlowChain, MethodInputs, check_method, inputs_of, size_without_cuts
+from bseries.algebra.stages import ExactStages, MethodInputs, check_method, inputs_of, is_chain, size_without_cuts
 from bseries.algebra.uncertainty import Uncertainty, uncertainty_of
 from bseries.exact.denominators import primorial
 from bseries.exact.domains import Values
@@ -158,7 +158,7 @@ def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) 
     if isinstance(order, Basis):
         if order.colors != colors:
             raise SeriesError(f"order must be a table of {order.what} in {colors} colours, but was {order!r}")
-        if not isinstance(order, TreeTable) and not isinstance(inputs_of(method, 1), FlowChain):
+        if not isinstance(order, TreeTable) and not is_chain(method):
             raise SeriesError(f"order must be a table of trees for {method.name}, which is no product of flows")
         if max_children is not None:
             raise SeriesError(f"max_children must be None where a table is given, but was {max_children!r:.60}")

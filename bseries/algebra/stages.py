@@ -209,6 +209,11 @@ def inputs_of(method: Method, order: int) -> MethodInputs:
     return stages_of(method, order) if chain is None else replace(chain, order=order)
 
 
+def is_chain(method: Method) -> bool:
+    """Whether a method is a chain of flows."""
+    return isinstance(inputs_of(method, 1), FlowChain)
+
+
 @lru_cache(maxsize=64)
 def _tableau_stages(method: RungeKutta | PartitionedRungeKutta) -> MethodStages:
     parts = method.partitions

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bseries.algebra.modified import series
-from bseries.algebra.stages import flow_chain
+from bseries.algebra.stages import is_chain
 from bseries.analysis.order import failures, order_of, trusted
 from bseries.exceptions import SeriesError
-from integrators import Method, PartitionedRungeKutta, RungeKutta
+from integrators import Method
 from integrators.methods.catalogue.registry import as_method
 from trees.words import Words
 
@@ -51,8 +51,7 @@ def generalised_order(method: Method | str, perturbation: str = "b") -> tuple[in
 
 def is_product_of_two(method: Method) -> bool:
     """Whether a step is a product of flows of two parts of the field."""
-    is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
-    return not is_tableau and len(method.names) == 2 and flow_chain(method.program) is not None
+    return len(method.names) == 2 and is_chain(method)
 
 
 def generalised_orders(method: Method, order: int) -> tuple[tuple[int, ...], ...]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import exact_values, modified_equation, series, series_to
 from bseries.algebra.series import Series, check_flow
-from bseries.algebra.stages import auxiliary_colors, check_method, flow_chain, inputs_of
+from bseries.algebra.stages import auxiliary_colors, check_method, inputs_of, is_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
 from bseries.analysis.stability.field_elements import RealAlgebraic, from_element, real_algebraic
 from bseries.exact.domains import alike, exact_number, ring_element, to_float
@@ -224,9 +224,7 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     # A product of flows is the exact flow to order p if and only if its coefficients of all words up to p letters are
     # 1/n!: that of a tree is the sum over its monotonic orders (Murua 2006, doi:10.1007/s10208-003-0111-0). There are
     # far fewer words than trees.
-    is_tableau = isinstance(method, RungeKutta | PartitionedRungeKutta)
-    by_words = not (is_tableau or auxiliary or method.max_children is not None)
-    by_words = by_words and flow_chain(method.program) is not None
+    by_words = not auxiliary and method.max_children is None and is_chain(method)
     if max_order is not None:
         limit = max_order
     else:

@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from bseries.algebra.modified import series
-from bseries.algebra.stages import auxiliary_colors, flow_chain
+from bseries.algebra.stages import auxiliary_colors, is_chain
 from bseries.analysis.simplifying_assumptions import Assumptions
 from bseries.conditions import formulas
 from bseries.conditions.condition_program import EXPLICIT, FULL, STRUCTURES, ConditionProgram, Equation, EquationTerm
@@ -248,7 +248,7 @@ class OrderConditions(ImmutableValue, Sequence[OrderCondition]):
         else:  # the method's series is exact and simple also for irrational tableaux
             method = as_method(arrays[0])
             fits = len(method.names) == len(self.names) and not auxiliary_colors(method)
-            if not fits or (self.kind == "splitting" and flow_chain(method.program) is None):
+            if not fits or (self.kind == "splitting" and not is_chain(method)):
                 what = f"{len(self.names)}-part {self.kind}"
                 raise SeriesError(f"method must be one of the {what} kind, but was {method!r}")
             s = series(method, self.order, max_children=self.request.limits)

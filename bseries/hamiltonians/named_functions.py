@@ -19,6 +19,7 @@ from integrators import parse_hamiltonian
 from integrators.exact.expressions import FUNCTIONS, MAX_LENGTH, ROOTS
 from integrators.methods.catalogue.registry import as_method
 from trees.counting import check_order
+from trees.formulas import derivative
 
 if TYPE_CHECKING:
     from bseries.fields.scene_trees import Parts
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 
 CALL = re.compile(r"\b([^\W\d_][^\W_]*)\s*\(([\w\s,]*)\)")
 """A function of names; its own name has no underscore, which would begin the subscripts of its derivatives."""
-
-PRIMES = 3
-"""Higher derivatives of functions of one variable are written as U^(4)."""
 
 
 class NamedFunction(NamedTuple):
@@ -44,7 +42,7 @@ class NamedFunction(NamedTuple):
             if n > order:
                 continue
             if len(self.variables) == 1:
-                written = f"{self.name}^({n})" if n > PRIMES else self.name + "'" * n
+                written = self.name + derivative(n)
             else:
                 subscripts = "".join(x * k for x, k in zip(self.variables, times, strict=True))
                 written = f"{self.name}_{subscripts}" if n else self.name

@@ -21,14 +21,13 @@ import mpmath
 
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import modified_equation
-from bseries.algebra.stages import check_method
+from bseries.algebra.stages import check_method, is_chain
 from bseries.analysis.order import Verdict, decidable, order_of, trusted
 from bseries.analysis.structure import SEPARABLE, hamiltonian_field
 from bseries.exact.domains import make_values
 from bseries.fields.inputs import MpNumber
 from bseries.fields.modified_fields import SceneSeries, modified_field
 from bseries.fields.modified_invariants import covector, inverse_structure, is_gradient, structure_matrix
-from bseries.hamiltonians.brackets.campbell_hausdorff import is_chain
 from bseries.scene_text import with_effects
 from bseries_base.table import Column, Table, as_frame, as_html
 from integrators import PartitionedRungeKutta, RungeKutta

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from bseries.algebra.bseries import BSeries
 from bseries.algebra.modified import series
 from bseries.algebra.series import Series
-from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
+from bseries.algebra.stages import auxiliary_colors, check_method, is_chain
 from bseries.analysis.order import field_elements, field_of, trusted
 from bseries.analysis.structure import SEPARABLE, failing
 from bseries.exact.domains import exact_number
@@ -235,11 +235,6 @@ def _coordinates(
 MOST_BRACKETS = 800  # largest number of brackets, which takes one or two minutes: two parts to order 12
 
 HAMILTONIAN_NAMES = {"p": "U", "q": "T"}  # the flow of U(q) changes momenta, and that of T(p) positions
-
-
-def is_chain(method: Method) -> bool:
-    """Whether a method is a chain of flows."""
-    return isinstance(inputs_of(method, 1), FlowChain)
 
 
 def kinetic_of(bounds: Sequence[Sequence[int | None]] | None, colors: int) -> int | None:

@@ -14,6 +14,7 @@ from typing import cast
 
 import sympy
 
+from bseries.algebra.stages import is_chain
 from bseries.exceptions import SeriesError
 from bseries.fields.differential_rings import DifferentialRing
 from bseries.fields.elementary_differentials import FLOAT_DIGITS
@@ -22,7 +23,6 @@ from bseries.hamiltonians.brackets.bracket_series import Bracket, BracketSeries
 from bseries.hamiltonians.brackets.campbell_hausdorff import (
     check_parts,
     in_brackets,
-    is_chain,
     kinetic_of,
     shown_names,
 )
