@@ -13,7 +13,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.analysis.order import order_of
-from bseries.analysis.rounding import hidden_order
+from bseries.analysis.rounding import LEAST_DIGITS, hidden_order
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.exact.polynomials import from_flint, to_flint
@@ -96,7 +96,7 @@ def corrections(
     for changes in (search.single_entries, search.several_entries, search.entries_above):
         found = list(changes())
         if found:
-            rated = [(wrong_sums(rows), _unlike_a_slip(x)) for rows, x in found]
+            rated = [(len(wrong_sums(rows)), _unlike_a_slip(x)) for rows, x in found]
             return tuple(x for (_, x), rate in zip(found, rated, strict=True) if rate == min(rated))
     return ()
 
@@ -182,10 +182,8 @@ def reached(method: RungeKutta, claimed: int) -> tuple[int, int | None]:
     Rounded numbers count to the digits that they show: 12, half of those that are written, or at least 6.
     """
     found = order_of(method, claimed)
-    hidden = hidden_order(method, found, claimed) if found < claimed else None
-    if hidden is None or hidden.digits < min((method.digits or 0) / 2, ENOUGH):
-        return found, None
-    return hidden.order, hidden.digits
+    least = max(LEAST_DIGITS, min(math.ceil((method.digits or 0) / 2), ENOUGH))
+    return (found < claimed and hidden_order(method, found, claimed, least)) or (found, None)
 
 
 def _unlike_a_slip(correction: Correction) -> bool:

@@ -10,8 +10,10 @@ import jsonschema
 import pytest
 
 import bseries as bs
+from bseries.analysis.rounding import hidden_order
 from bseries.auditing import claims_of, corrections
 from bseries.auditing.audit import as_written
+from bseries.auditing.corrections import reached
 
 NAMES = (
     *("explicit-midpoint", "heun2", "kutta3", "heun3", "ssprk33", "rk4", "rk38", "merson4", "bogacki-shampine32"),
@@ -166,3 +168,26 @@ def test_what_cannot_be_read_is_said_and_the_rest_audited(tmp_path):
     found = bs.audit(tmp_path)
     assert len(found.methods) == 1
     assert any("binary.c" in sentence for sentence in found.unread)
+
+
+def test_of_equal_changes_every_row_is_named():
+    """Each change leaves one row whose sum differs from its node; it does not matter which row that is."""
+
+    def tableau(a43, a53):
+        A = [[0] * 5, [1, 0, 0, 0, 0], ["4/9", "2/9", 0, 0, 0], ["1/4", 0, a43, 0, 0], ["1/4", 0, a53, 0, 0]]
+        return bs.RungeKutta(A, ["1/4", 0, "3/4", "-1/2", "1/2"], warn=False)
+
+    found = {x.entries[0]: x.should_be[0] for x in corrections(tableau("3/4", "3/5"), 3)}
+    assert found == {"a[4,3]": Fraction(3, 5), "a[5,3]": Fraction(3, 4)}
+    assert bs.order_of(tableau("3/5", "3/5")) == bs.order_of(tableau("3/4", "3/4")) == 3
+    assert bs.order_of(tableau("3/4", "3/5")) == 1
+
+
+def test_an_order_stays_where_the_next_one_nearly_holds():
+    """Large weights of both signs: order 1 to 30 digits, and order 2 to 8, too few for numbers that have 60."""
+    large = Fraction(10**34 // 3, 10**30)
+    A = [[0, 0, 0], ["1/2", 0, 0], [Fraction(1, 2) - 1 / (2 * Fraction(10**4, 3)) - Fraction(1, 10**8), 0, 0]]
+    method = bs.RungeKutta(A, [1, large, Fraction(1, 10**26) - large], digits=60, warn=False)
+    assert (bs.order_of(method), hidden_order(method, 0, 2).digits) == (0, 8)
+    assert reached(method, 1)[0] == reached(method, 2)[0] == 1
+    assert reached(method, 2)[1] >= 26
