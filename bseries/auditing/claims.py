@@ -80,7 +80,7 @@ def claims_of(said: Mapping[str, str], name: str = "") -> Claims:
     return Claims()
 
 
-CALL = re.compile(r"\w*(?:RKTableau|Register)\w*\((.*)\)\s*;?\s*$", re.S)
+CALL = re.compile(r"(?:RKTableau|Register)\w*\((.*)\)\s*;?\s*$", re.S)
 """Constructors whose first argument that is a whole number is the order."""
 
 

@@ -180,13 +180,13 @@ def language_of(text: str, path: str = "") -> Language:
     suffix = PurePath(path).suffix.lower()
     if suffix in SUFFIXES and not (suffix == ".m" and re.search(r"\(\*|:=|\{\s*\{", text)):
         return LANGUAGES[SUFFIXES[suffix]]
-    marks = {
-        "python": r"^\s*(?:import |from \w+ import|def \w+\(|class \w+.*:\s*$)|np\.array|\A\s*\{\s*\"",
-        "fortran": r"(?im)^\s*(?:real|double precision|integer)\b.*::|\d\.?d0\b|_wp\b|\(/",
-        "mathematica": r"\bSqrt\[|\bRational\[|:=\s*\{|^\s*\w+\s*=\s*\{\{",
-        "c": r"->\s*\w+\s*\[|^\s*#(?:include|define)|\]\s*=\s*\{\s*[{\d+-]|^\s*(?:static|const\w*|double)\s",
-        "julia": r"\d\s*//\s*\d|\bfunction \w+[({]|@\w+ |\bend\s*$|[A-Z]\w*\[\s*[-\d]|√",
-        "matlab": r"^\s*%|^\s*function\s*\[|\.\.\.\s*$",
+    marks = {  # spaces at the start of a line end with it, and words are tried from their first letter: once for each
+        "python": r"^[^\S\n]*(?:import |from \w+ import|def \w+\(|class \w+.*:\s*$)|np\.array|\A\s*\{\s*\"",
+        "fortran": r"(?im)^[^\S\n]*(?:real|double precision|integer)\b.*::|\d\.?d0\b|_wp\b|\(/",
+        "mathematica": r"\bSqrt\[|\bRational\[|:=\s*\{|^[^\S\n]*\w+\s*=\s*\{\{",
+        "c": r"->\s*\w+\s*\[|^[^\S\n]*#(?:include|define)|\]\s*=\s*\{\s*[{\d+-]|^[^\S\n]*(?:static|const\w*|double)\s",
+        "julia": r"\d\s*//\s*\d|\bfunction \w+[({]|@\w+ |\bend\s*$|\b[^\WA-Z]*[A-Z]\w*\[\s*[-\d]|√",
+        "matlab": r"^[^\S\n]*%|^[^\S\n]*function\s*\[|\.\.\.\s*$",
     }
     order = ("c", "python", "fortran", "julia", "mathematica", "matlab")
     for name in order:
