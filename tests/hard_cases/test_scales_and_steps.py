@@ -156,7 +156,7 @@ def test_times_that_no_double_holds_are_refused(measured):
             integrate("rk4", 0.1, t0=t0)
 
 
-NO_COUNTS = {repr(value)[:10]: value for value in (-1, 2.5, 3.0, "3", True, math.nan, [3], 10**30)} | {
+NO_COUNTS = {repr(value)[:10]: value for value in (-1, 2.5, -3.0, 1e17, "3", True, math.nan, [3], 10**30)} | {
     "10⁵⁰⁰⁰": 10**5000
 }
 
