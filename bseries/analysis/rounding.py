@@ -88,12 +88,12 @@ def rounded_order(method: Method | str) -> RoundedOrder | None:
     )
 
 
-def hidden_order(method: Method, order: int, most: int | None = None) -> RoundedOrder | None:
-    """The rounded order of a method, up to one, if it is larger than the order that is decided for it."""
+def hidden_order(method: Method, order: int, most: int | None = None, least: int = LEAST_DIGITS) -> RoundedOrder | None:
+    """The rounded order of a method, up to one and to some digits, if it is larger than the order decided for it."""
     decimals, found, digits = _as_decimals(method), order, 0
     while decimals is not None and found < (most or affordable_order(len(method.names))):
         shown = _digits_shown(decimals, found + 1)
-        if shown < LEAST_DIGITS:
+        if shown < least:
             break
         found, digits = found + 1, shown
     return RoundedOrder(found, digits) if found > order else None
