@@ -7,7 +7,7 @@ explicit methods. Only their roots can restore the order; whether they do is dec
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -153,12 +153,22 @@ class _Search:
         for i, j in [*self.places, *((self.size + 1, i) for i in missing)]:
             was = self.rows[i][j]
             if i > self.size:
-                values = {was - missing[j]}
-            else:
-                values = set(common_roots(self.rows[:-1], i, j, self.claims[0][1]))
-                values |= {was + missing[i]} if i in missing else set()
-            for x in values - {was}:
-                yield from self.tested("sign" if x == -was else "entry", {(i, j): x})
+                values = [was - missing[j]]
+            else:  # a sign and the sum of a row are not less exact than the numbers of the source, as roots are
+                values = [-was, *([was + missing[i]] if i in missing else []), *common_roots(self.conditions(i, j))]
+            found: list[Fraction] = []
+            for x in values:
+                if x != was and all(abs(x - y) > self.near for y in found):
+                    for rows, correction in self.tested("sign" if x == -was else "entry", {(i, j): x}):
+                        found.append(x)
+                        yield rows, correction
+
+    def conditions(self, i: int, j: int) -> Iterator[fmpq_poly]:
+        """The conditions of tall trees, of all weights on which an entry has influence."""
+        *A, own, _ = self.rows
+        for b, order in self.claims:
+            if b is None or i < self.size:
+                yield from tall_conditions((*A, own if b is None else tuple(map(Fraction, b))), i, j, order)
 
     def entries_above(self) -> Iterator[tuple[Rows, Correction]]:
         """The entries that an explicit tableau does not have: one may have been lost."""
@@ -225,14 +235,14 @@ def residuals(A: Sequence[Sequence[float]], b: Sequence[float], order: int) -> I
         stages = [sum(x * y for x, y in zip(row, stages, strict=True)) for row in A]
 
 
-def common_roots(rows: Rows, i: int, j: int, order: int) -> list[Fraction]:
-    """The values of one entry of A or b (the last row) that can satisfy the conditions of tall trees.
+def common_roots(all_conditions: Iterable[fmpq_poly]) -> list[Fraction]:
+    """The values of one entry of A or b that can satisfy the conditions of tall trees.
 
     They are the roots of the greatest common divisor of these polynomials; in tableaus of rounded numbers, which have
     none, those of the linear one with the largest derivative, else of the first one that depends on the entry.
     """
     conditions = []
-    for condition in tall_conditions(rows, i, j, order):
+    for condition in all_conditions:
         if condition.degree() > 0:
             conditions.append(condition)
         elif abs(float(from_flint(condition(0)))) > NEAR:

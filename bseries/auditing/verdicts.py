@@ -203,7 +203,9 @@ def _findings(
         yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, said.order, others))
     if said.embedded is not None and orders and max(orders) < min(said.embedded, MOST) and order >= (said.order or 0):
         at = orders.index(max(orders))
-        mended = _mended(rows[at], record, said.embedded, (), weights="embedded", row=at)
+        own = _mended(rows[at], record, said.embedded, (), weights="embedded", row=at)
+        shared = _mended(method, record, said.order or order, others) if at == 0 else ()
+        mended = shared or own if _wrong_nodes(method) else own or shared
         yield Finding(f"embedded order {said.embedded}", f"embedded order {max(orders)}", mended)
     if said.stage_order is not None and (found := stage_order_of(method, said.stage_order)) < said.stage_order:
         yield Finding(f"stage order {said.stage_order}", f"stage order {found}")
@@ -255,7 +257,9 @@ def _changes(correction: Correction, record: Record, row: int) -> Iterator[Chang
         for k in [row, *places] if table == "embedded" else places:
             number = number[k] if number is not None and k < len(number) else None
         text, line = (number.text, number.line) if number is not None and number.text else (str(was), record.line)
-        yield {"entry": entry, "was": text, "should_be": as_written(value, text), "line": line or record.line}
+        text = text if was else "0"  # also where zeros fill an array
+        digits = max((x.digits for x in record.tables["b"]), default=0)
+        yield {"entry": entry, "was": text, "should_be": as_written(value, text, digits), "line": line or record.line}
 
 
 def _additive(record: Record, said: Claims) -> Audited:

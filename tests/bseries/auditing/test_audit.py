@@ -148,11 +148,12 @@ def test_numbers_are_written_as_in_the_source():
     assert as_written(Fraction(3, 4), "3./5") == as_written(Fraction(3, 4), "3./4") == "3./4"  # 3/4 is 0 in C
     assert as_written(Fraction(3, 5), "convert(T, 1 // 5)") == "convert(T, 3 // 5)"
     assert as_written(Fraction(-1, 4), "-convert(T, 0.50)") == "-convert(T, 0.25)"
-    assert as_written(Fraction(1, 4), "-SUN_RCONST(0.50)") == "-SUN_RCONST(-0.25)"
+    assert as_written(Fraction(1, 4), "-SUN_RCONST(0.50)") == "SUN_RCONST(0.25)"
     assert as_written(Fraction(1, 300), "3.4e-3_wp") == "3.3e-3_wp"
     assert as_written(Fraction(1, 3), "RC(0.3330)") == "RC(0.3333)"
     assert as_written(Fraction(1, 3), 'parse(BigFloat, "0.34")') == 'parse(BigFloat, "0.33")'
     assert as_written(Fraction(2), "RCONST(1.0)") == "RCONST(2.0)"
+    assert as_written(Fraction(1, 2), "-RCONST(3.0)/RCONST(2.0)") == "RCONST(1.0)/RCONST(2.0)"
     assert as_written(Fraction(1, 2), "1 - sqrt(2)") == "1/2"
 
 
