@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from os import PathLike, fspath
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from bseries.auditing.claims import claims_of
+from bseries.auditing.sources import Sources, read_sources
 from bseries.auditing.verdicts import Audited, audited
-from bseries.exceptions import SeriesError
 from bseries_base.errors import BSeriesError, shown
 from bseries_base.table import Column, Table, as_frame, as_html, as_text
-from integrators.methods.exchange.reading import read_tableaus
 from trees.counting import check_order
-
-SUFFIXES = (
-    *(".c", ".cc", ".cpp", ".cxx", ".def", ".h", ".hpp", ".jl", ".py", ".f", ".f90", ".f95", ".f03", ".f08", ".for"),
-    *(".m", ".wl", ".nb", ".json", ".toml"),
-)
-"""Files of a folder that are audited."""
 
 MOST_UNREAD = 10
 """Sentences on what was not read, in text."""
@@ -77,7 +68,7 @@ class Audit:
 
 
 def audit(
-    sources: str | PathLike[str] | Iterable[str | PathLike[str]] | Mapping[str, str],
+    sources: Sources,
     *,
     order: int | None = None,
     claims: Mapping[str, int] | None = None,
@@ -108,38 +99,15 @@ def audit(
     wanted = None if order is None else check_order(order)
     known = {name: check_order(value) for name, value in (claims or {}).items()}
     methods: list[Audited] = []
-    unread: list[str] = []
-    for source, name in _sources(sources):
+    records, unread = read_sources(sources)
+    for record in records:
+        said = claims_of(record.claims, record.name)
+        if wanted is not None or record.name in known:
+            said = said._replace(order=known.get(record.name, wanted), either=False, lower=False)
         try:
-            reading = read_tableaus(source, name=name)
+            methods.append(audited(record, said))
         except BSeriesError as error:
-            unread.append(f"{name or source}: {error}")
-            continue
-        unread += reading.unread
-        for record in reading.records:
-            if len(record.name) == 1:  # a variable such as A
-                record = replace(record, name=Path(record.source).stem)
-            said = claims_of(record.claims, record.name)
-            if wanted is not None or record.name in known:
-                said = said._replace(order=known.get(record.name, wanted), either=False)
-            try:
-                methods.append(audited(record, said))
-            except BSeriesError as error:
-                unread.append(f"{record.source}, line {record.line}: {record.name}: {error}")
+            unread.append(f"{record.source}, line {record.line}: {record.name}: {error}")
+    names = {record.name for record in records}
+    unread = [f"no method has the name {shown(name)} of a claim" for name in known if name not in names] + unread
     return Audit(tuple(methods), tuple(unread))
-
-
-def _sources(sources: Any) -> Iterator[tuple[Any, str | None]]:
-    """Texts or paths, with their names."""
-    if isinstance(sources, Mapping):
-        yield from ((text, name) for name, text in sources.items())
-        return
-    for source in [sources] if isinstance(sources, str | PathLike) else list(sources):
-        path = Path(fspath(source))
-        if path.is_dir():
-            found = (p for p in sorted(path.rglob("*")) if p.suffix.lower() in SUFFIXES and p.is_file())
-            yield from ((p, str(p)) for p in found)
-        elif path.is_file():
-            yield path, str(path)
-        else:
-            raise SeriesError(f"sources must be files and folders that exist, but was {shown(str(path))}")

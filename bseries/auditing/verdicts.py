@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from bseries.auditing.claims import Claims
 from bseries.auditing.corrections import Correction, corrections, pair_of, reached, residuals
 from bseries.auditing.structures import stage_order_of, violated
-from bseries.auditing.written import as_written
+from bseries.auditing.written import as_written, in_digits
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.methods.exchange.numbers import Number
@@ -224,10 +224,14 @@ def _notes(method: RungeKutta, findings: Sequence[Finding]) -> Iterator[str]:
     wrong = _wrong_nodes(method)
     if wrong and not any(finding.corrections for finding in findings):
         said = f"row sums differ from the nodes in row{'s' * (len(wrong) > 1)} {', '.join(str(i + 1) for i in wrong)}"
-        sums = [float(sum(method.to_float().A[i])) for i in wrong]  # type: ignore[arg-type]
-        nodes = [float(method.to_float().c[i]) for i in wrong]  # type: ignore[arg-type]
-        exchanged = len(wrong) == 2 and all(abs(x - y) < NEAR for x, y in zip(sums, reversed(nodes), strict=True))
-        yield said + (f"; c[{wrong[0] + 1}] and c[{wrong[1] + 1}] exchanged would agree" if exchanged else "")
+        plain = method.to_float()
+        sums, nodes = [sum(plain.A[i]) for i in wrong], [plain.c[i] for i in wrong]  # type: ignore[arg-type]
+        first, last = wrong[0], wrong[-1]
+        if len(wrong) == 1 and isinstance(method.row_sums[first], Fraction):
+            said += f"; c[{first + 1}] = {in_digits(method.row_sums[first])} would agree"  # type: ignore[arg-type]
+        elif len(wrong) == 2 and all(abs(x - y) < NEAR for x, y in zip(sums, reversed(nodes), strict=True)):  # type: ignore[operator]
+            said += f"; c[{first + 1}] and c[{last + 1}] exchanged would agree"
+        yield said
 
 
 def _mended(

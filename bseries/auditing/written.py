@@ -23,7 +23,7 @@ def as_written(value: Fraction, text: str, digits: int = 17) -> str:
     """
     text = text.strip()
     if len(text) > MOST_CHARACTERS:
-        return _plain(value, digits)
+        return in_digits(value, digits)
     if match := FRACTION.fullmatch(text):
         head, _, point, slash, denominator, other_point, tail = (part or "" for part in match.groups())
         head, value = _signed(head, value)
@@ -41,7 +41,7 @@ def as_written(value: Fraction, text: str, digits: int = 17) -> str:
         head, _, point, tail = (part or "" for part in match.groups())
         head, value = _signed(head, value)
         return f"{head}{value}{point}{tail}"
-    return _plain(value, digits)
+    return in_digits(value, digits)
 
 
 def _signed(head: str, value: Fraction) -> tuple[str, Fraction]:
@@ -49,7 +49,7 @@ def _signed(head: str, value: Fraction) -> tuple[str, Fraction]:
     return (head, abs(value)) if "-" in head and value < 0 else (head.replace("-", ""), value)
 
 
-def _plain(value: Fraction, digits: int) -> str:
+def in_digits(value: Fraction, digits: int = 17) -> str:
     """A fraction; as a decimal where it is long."""
     if value.denominator < MOST_DENOMINATOR:
         return str(value)

@@ -58,3 +58,13 @@ def test_nodes_with_roots_beside_rational_entries_are_read():
     )
     (method,) = bs.audit({"mine.py": text + "c = [0, sqrt(2)/2]\n"}).methods
     assert (method.order, method.findings) == (2, ())
+
+
+def test_nodes_that_are_no_row_sums_are_notes_that_say_what_would_agree():
+    """There are methods whose nodes are no row sums, such as Oliver's, so nobody is accused."""
+    text = "# second-order method\nA = [[0, 0], [1/2, 0]]\nb = [0, 1]\nc = [{}]\n"
+    for nodes, end in (("0, 5", "2; c[2] = 1/2 would agree"), ("1/2, 0", "1, 2; c[1] and c[2] exchanged would agree")):
+        found = bs.audit({"a.py": text.format(nodes)})
+        assert found.holds
+        assert found.methods[0].notes[0].endswith(end)
+    assert bs.audit({"a.py": text.format("0, 1/2")}).methods[0].notes == ()
