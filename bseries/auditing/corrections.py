@@ -7,7 +7,7 @@ explicit methods. Only their roots can restore the order; whether they do is dec
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bseries.analysis.order import order_of
 from bseries.analysis.rounding import LEAST_DIGITS, hidden_order
 from bseries.exceptions import SeriesError
-from integrators import RungeKutta
+from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.polynomials import from_flint, to_flint
 from trees.counting import check_order
 
@@ -64,7 +64,7 @@ class Correction(NamedTuple):
 
 
 def corrections(
-    method: RungeKutta, order: int, embedded: Sequence[int] = (), *, weights: str = ""
+    method: RungeKutta, order: int, embedded: Sequence[int] = (), *, weights: str = "", other: RungeKutta | None = None
 ) -> tuple[Correction, ...]:
     """The changes of single entries, exchanges of two, and shifts of a row that give a tableau the orders it claims.
 
@@ -76,6 +76,7 @@ def corrections(
         order: The order that it claims.
         embedded: The orders that its other rows of weights claim.
         weights: The name of the weights if only they can be wrong; by default all entries.
+        other: The other part of an additive pair; together with it, too, the tableau has the order.
 
     Returns:
         The changes; none where none exists, or where orders and row sums are as claimed.
@@ -90,7 +91,7 @@ def corrections(
         >>> bs.order_of(wrong), [str(x) for x in bs.auditing.corrections(wrong, 4)]
         (1, ['a[3,2] = 1/2 in place of 1/3'])
     """
-    search = _Search(method, check_order(order), tuple(embedded), weights)
+    search = _Search(method, check_order(order), tuple(embedded), weights, other)
     if not wrong_sums(search.rows) and search.restores(search.rows):
         return ()
     for changes in (search.single_entries, search.several_entries, search.entries_above):
@@ -110,12 +111,14 @@ def wrong_sums(rows: Rows) -> list[int]:
 class _Search:
     """The search for changes of one tableau."""
 
-    def __init__(self, method: RungeKutta, order: int, embedded: tuple[int, ...], weights: str):
+    def __init__(
+        self, method: RungeKutta, order: int, embedded: tuple[int, ...], weights: str, other: RungeKutta | None
+    ):
         if not isinstance(method, RungeKutta) or method.domain not in ("QQ", "decimal"):
             raise SeriesError(f"method must be a tableau with rational entries, but was {method!r:.60}")
         if method.stages > MOST_STAGES:
             raise SeriesError(f"method must have at most {MOST_STAGES} stages, but has {method.stages}")
-        self.method, self.size, self.only_weights = method, method.stages, bool(weights)
+        self.method, self.size, self.only_weights, self.other = method, method.stages, bool(weights), other
         self.names = [f"a[{i + 1}," for i in range(self.size)] + [f"{weights or 'b'}[", "c["]
         rows: Any = (*method.A, method.b, method.c)
         self.rows: Rows = tuple(tuple(map(Fraction, row)) for row in rows)
@@ -132,8 +135,9 @@ class _Search:
         for b, order in self.claims:
             if any(abs(x) > self.near for x in residuals(matrix, list(map(float, b or own)), order)):
                 return False
-        digits = self.method.digits
-        return all(reached(RungeKutta(A, b or own, digits=digits, warn=False), p)[0] >= p for b, p in self.claims)
+        found = [(RungeKutta(A, b or own, digits=self.method.digits, warn=False), p) for b, p in self.claims]
+        pairs = [(pair_of(found[0][0], self.other), self.claims[0][1])] if self.other else []
+        return all(reached(x, p)[0] >= p for x, p in (*found, *pairs))
 
     def tested(self, kind: str, values: Mapping[Place, Fraction]) -> Iterator[tuple[Rows, Correction]]:
         """A change, if it restores the orders."""
@@ -149,12 +153,22 @@ class _Search:
         for i, j in [*self.places, *((self.size + 1, i) for i in missing)]:
             was = self.rows[i][j]
             if i > self.size:
-                values = {was - missing[j]}
-            else:
-                values = set(common_roots(self.rows[:-1], i, j, self.claims[0][1]))
-                values |= {was + missing[i]} if i in missing else set()
-            for x in values - {was}:
-                yield from self.tested("sign" if x == -was else "entry", {(i, j): x})
+                values = [was - missing[j]]
+            else:  # a sign and the sum of a row are not less exact than the numbers of the source, as roots are
+                values = [-was, *([was + missing[i]] if i in missing else []), *common_roots(self.conditions(i, j))]
+            found: list[Fraction] = []
+            for x in values:
+                if x != was and all(abs(x - y) > self.near for y in found):
+                    for rows, correction in self.tested("sign" if x == -was else "entry", {(i, j): x}):
+                        found.append(x)
+                        yield rows, correction
+
+    def conditions(self, i: int, j: int) -> Iterator[fmpq_poly]:
+        """The conditions of tall trees, of all weights on which an entry has influence."""
+        *A, own, _ = self.rows
+        for b, order in self.claims:
+            if b is None or i < self.size:
+                yield from tall_conditions((*A, own if b is None else tuple(map(Fraction, b))), i, j, order)
 
     def entries_above(self) -> Iterator[tuple[Rows, Correction]]:
         """The entries that an explicit tableau does not have: one may have been lost."""
@@ -176,14 +190,26 @@ class _Search:
                     yield from self.tested("shifted", values)
 
 
-def reached(method: RungeKutta, claimed: int) -> tuple[int, int | None]:
+def pair_of(implicit: RungeKutta, explicit: RungeKutta) -> PartitionedRungeKutta:
+    """The additive pair of two tableaus."""
+    parts = {"implicit": implicit, "explicit": explicit}
+    return PartitionedRungeKutta(
+        {name: RungeKutta(x.A, x.b, x.c, digits=x.digits, warn=False) for name, x in parts.items()}, warn=False
+    )
+
+
+def reached(method: RungeKutta | PartitionedRungeKutta, claimed: int) -> tuple[int, int | None]:
     """The order of a tableau as far as it matters for a claim, and the digits to which it holds; None if exactly.
 
     Rounded numbers count to the digits that they show: 12, half of those that are written, or at least 6.
     """
     found = order_of(method, claimed)
-    least = max(LEAST_DIGITS, min(math.ceil((method.digits or 0) / 2), ENOUGH))
-    return (found < claimed and hidden_order(method, found, claimed, least)) or (found, None)
+    return (found < claimed and hidden_order(method, found, claimed, digits_wanted(method))) or (found, None)
+
+
+def digits_wanted(method: RungeKutta | PartitionedRungeKutta) -> int:
+    """The digits to which rounded numbers must satisfy a claim."""
+    return max(LEAST_DIGITS, min(math.ceil((method.digits or 0) / 2), ENOUGH))
 
 
 def _unlike_a_slip(correction: Correction) -> bool:
@@ -209,14 +235,14 @@ def residuals(A: Sequence[Sequence[float]], b: Sequence[float], order: int) -> I
         stages = [sum(x * y for x, y in zip(row, stages, strict=True)) for row in A]
 
 
-def common_roots(rows: Rows, i: int, j: int, order: int) -> list[Fraction]:
-    """The values of one entry of A or b (the last row) that can satisfy the conditions of tall trees.
+def common_roots(all_conditions: Iterable[fmpq_poly]) -> list[Fraction]:
+    """The values of one entry of A or b that can satisfy the conditions of tall trees.
 
     They are the roots of the greatest common divisor of these polynomials; in tableaus of rounded numbers, which have
     none, those of the linear one with the largest derivative, else of the first one that depends on the entry.
     """
     conditions = []
-    for condition in tall_conditions(rows, i, j, order):
+    for condition in all_conditions:
         if condition.degree() > 0:
             conditions.append(condition)
         elif abs(float(from_flint(condition(0)))) > NEAR:

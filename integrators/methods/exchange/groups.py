@@ -555,9 +555,11 @@ class Group:
                 if i > self.start + 1 and "call" not in claims:
                     last = tokens[min(end, len(tokens) - 1)]
                     claims["call"] = " ".join(source.text[tokens[i].start : last.start + 1].split())[:500]
-        comment = source.comment(tokens[self.start].start)
-        if comment:
-            claims["comment"] = comment
+        first = next((i for i in range(self.start, len(tokens)) if tokens[i].kind != "line"), self.start)
+        begins = self.block.parent is not None and self.start == self.block.start
+        said = [source.comment(tokens[first].start), source.leading_comment(first) if begins else ""]
+        if any(said):
+            claims["comment"] = "\n".join(filter(None, said))
         return claims
 
     def _said_name(self, claims: Mapping[str, str]) -> str | None:

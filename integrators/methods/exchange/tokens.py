@@ -165,6 +165,22 @@ class Source:
             found.append(self.text[slice(*self.comments[behind])])
         return "\n".join(found)[:MOST_CHARACTERS_SAID]
 
+    def leading_comment(self, i: int) -> str:
+        """The comments or the text in quotes with which the body of a block begins, behind the head at a token."""
+        while self.tokens[i].kind != "line" and self.tokens[i].text != "{" and i + 1 < len(self.tokens):
+            i = self.partner.get(i, i) + 1 if self.tokens[i].text in OPENING else i + 1
+        end, found = self.tokens[i].start + len(self.tokens[i].text), []
+        while i + 1 < len(self.tokens) and self.tokens[i].kind == "line":
+            i += 1
+        if self.tokens[i].kind == "text" and not self.text[end : self.tokens[i].start].strip():
+            return self.tokens[i].text[:MOST_CHARACTERS_SAID]
+        for begin, stop in self.comments[bisect_right(self.comments, (end, 0)) :][:MOST_COMMENTS]:
+            if self.text[end:begin].strip():
+                break
+            found.append(self.text[begin:stop])
+            end = stop
+        return "\n".join(found)[:MOST_CHARACTERS_SAID]
+
     def column(self, start: int) -> int:
         """The number of characters before a position in its line."""
         line = bisect_right(self._lines, start - 1)

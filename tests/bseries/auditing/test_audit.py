@@ -12,8 +12,8 @@ import pytest
 import bseries as bs
 from bseries.analysis.rounding import hidden_order
 from bseries.auditing import claims_of, corrections
-from bseries.auditing.audit import as_written
 from bseries.auditing.corrections import reached
+from bseries.auditing.written import as_written
 
 NAMES = (
     *("explicit-midpoint", "heun2", "kutta3", "heun3", "ssprk33", "rk4", "rk38", "merson4", "bogacki-shampine32"),
@@ -146,7 +146,17 @@ def test_numbers_are_written_as_in_the_source():
     assert as_written(Fraction(2, 3), "4/6") == "4/6"
     assert as_written(Fraction(1, 3), "-0.333") == "0.333"
     assert as_written(Fraction(-1, 2), "0.50") == "-0.50"
-    assert as_written(Fraction(1, 7), "1//2") == "1/7"
+    assert as_written(Fraction(1, 7), "1//2") == "1//7"
+    assert as_written(Fraction(3, 4), "3./5") == as_written(Fraction(3, 4), "3./4") == "3./4"  # 3/4 is 0 in C
+    assert as_written(Fraction(3, 5), "convert(T, 1 // 5)") == "convert(T, 3 // 5)"
+    assert as_written(Fraction(-1, 4), "-convert(T, 0.50)") == "-convert(T, 0.25)"
+    assert as_written(Fraction(1, 4), "-SUN_RCONST(0.50)") == "SUN_RCONST(0.25)"
+    assert as_written(Fraction(1, 300), "3.4e-3_wp") == "3.3e-3_wp"
+    assert as_written(Fraction(1, 3), "RC(0.3330)") == "RC(0.3333)"
+    assert as_written(Fraction(1, 3), 'parse(BigFloat, "0.34")') == 'parse(BigFloat, "0.33")'
+    assert as_written(Fraction(2), "RCONST(1.0)") == "RCONST(2.0)"
+    assert as_written(Fraction(1, 2), "-RCONST(3.0)/RCONST(2.0)") == "RCONST(1.0)/RCONST(2.0)"
+    assert as_written(Fraction(1, 2), "1 - sqrt(2)") == "1/2"
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,7 @@ OBJECTS = {
     "scene-file": lambda: bs.scene("outer-solar-system"),
     "shadow": lambda: bs.shadow_energy(trajectory(), order=4),
     "tableau": lambda: bs.method("lobatto-iiia-iiib3"),
+    "tableau-comparison": lambda: bs.auditing.compare({"a.py": "A = [[0]]\nb = [1]"}, {"a.py": "A = [[0]]\nb = [2]"}),
     "trajectory": trajectory,
     "verdict": lambda: bs.symplecticity("rk4", 5),
 }

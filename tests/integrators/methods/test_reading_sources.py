@@ -352,3 +352,21 @@ def test_languages_are_recognised_by_suffix(style, tmp_path):
     path.write_text(text)
     record = only(path)
     assert (numbers(record.tables["A"]), record.source) == (A, str(path))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def heun():\n    # second-order\n{}",
+        "# second-order\ndef heun():\n{}",
+        'def heun():\n    """second-order"""\n{}',
+        'class Heun(Base):\n\n    """second-order"""\n\n{}',
+        "\n\n# second-order\ndef heun():\n{}",
+    ],
+)
+def test_what_is_said_before_a_block_and_at_its_beginning_belongs_to_its_method(text):
+    tables = "    A = [[0, 0], [1, 0]]\n    b = [1/2, 1/2]\n"
+    (record,) = read_tableaus(text.format(tables), name="mine.py").records
+    assert "second-order" in record.claims["comment"]
+    later = f"def f():\n    x = 1\n    # second-order\n    return x\n\ndef heun():\n{tables}"
+    assert "comment" not in read_tableaus(later, name="mine.py").records[0].claims
