@@ -159,7 +159,7 @@ def uncertainty_of(method: Method, inputs: MethodStages | FlowChain, table: Any)
     return Uncertainty(nodes, entries.relative, changes, sizes)
 
 
-def rough_series(method: Method, inputs: MethodStages | FlowChain, table: TreeTable) -> tuple[Array, Array]:
+def rough_series(method: Method, inputs: MethodStages | FlowChain, table: Any) -> tuple[Array, Array]:
     """The coefficients of a method in floats, and the same polynomials with absolute values."""
     if isinstance(inputs, FlowChain):
         times = _times(inputs, 1)[0]

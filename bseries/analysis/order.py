@@ -15,7 +15,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bseries.algebra.bseries import BSeries
-from bseries.algebra.modified import exact_values, modified_equation, series, series_to
+from bseries.algebra.modified import exact_values, modified_equation, series, series_to, table_of
 from bseries.algebra.series import Series, check_flow
 from bseries.algebra.stages import auxiliary_colors, check_method, inputs_of, is_chain
 from bseries.analysis.simplifying_assumptions import simplifying_assumptions
@@ -221,24 +221,37 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     if isinstance(method, RepeatedProgram):  # equal steps have the order of one
         method = method.step
     colors, auxiliary = len(method.names), auxiliary_colors(method)
-    # A product of flows is the exact flow to order p if and only if its coefficients of all words up to p letters are
-    # 1/n!: that of a tree is the sum over its monotonic orders (Murua 2006, doi:10.1007/s10208-003-0111-0). There are
-    # far fewer words than trees.
-    by_words = not auxiliary and method.max_children is None and is_chain(method)
     if max_order is not None:
         limit = max_order
+    elif has_words(method):
+        limit = max(n for n in range(13) if colors**n <= MOST_TREES)
     else:
-        limit = max(n for n in range(13) if colors**n <= MOST_TREES) if by_words else affordable_order(colors)
+        limit = affordable_order(colors)
     for tested_to in chain(range(4, limit, 2), [limit]):
-        if by_words and colors**tested_to <= MOST_TREES:
-            s = series(method, Words(tested_to, colors))
-        else:
-            s = series(method, tested_to)
+        s = series(method, basis_of_conditions(method, tested_to))
         failure = first_failure(s, auxiliary)
         order = tested_to if failure is None else s.basis.order_of(failure) - 1
         if order < tested_to:
             return order, tested_to
     return limit, limit
+
+
+def has_words(method: Method) -> bool:
+    """Whether words decide the order: a product of flows is the exact flow to order p if and only if its coefficients
+    of all words up to p letters are 1/n!, since that of a tree is the sum over its monotonic orders.
+
+    References:
+        A. Murua, Found. Comput. Math. 6 (2006) 387–426, doi:10.1007/s10208-003-0111-0.
+    """
+    return not auxiliary_colors(method) and method.max_children is None and is_chain(method)
+
+
+def basis_of_conditions(method: Method, order: int) -> Words | TreeTable:
+    """Words, of which there are far fewer than trees, where they decide the order; else trees."""
+    colors = len(method.names)
+    if has_words(method) and colors**order <= MOST_TREES:
+        return Words(order, colors)
+    return table_of(method, order, None)
 
 
 def affordable_order(colors: int, trees: int = MOST_TREES) -> int:

@@ -6,10 +6,10 @@ import math
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from bseries.algebra.modified import series, table_of
+from bseries.algebra.modified import series
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
 from bseries.algebra.uncertainty import rough_series
-from bseries.analysis.order import affordable_order, exact_values_of, order_of, trusted
+from bseries.analysis.order import affordable_order, basis_of_conditions, exact_values_of, order_of, trusted
 from bseries.exact.domains import alike
 from bseries_base.table import Table, as_html, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -103,7 +103,7 @@ def _digits_shown(decimals: Method, nodes: int) -> int:
     """The largest number of digits for which all residuals up to a number of nodes are within the worst case."""
     import numpy as np
 
-    table, auxiliary = table_of(decimals, nodes, None), auxiliary_colors(decimals)
+    table, auxiliary = basis_of_conditions(decimals, nodes), auxiliary_colors(decimals)
     exact = exact_values_of(table, auxiliary)
     values, sizes = rough_series(decimals, inputs_of(decimals, nodes), table)
     # A coefficient of a tree with n nodes changes by at most n times the relative error of the entries.

@@ -108,7 +108,7 @@ def _orders(said: Mapping[str, str], name: str) -> Claims:
     return Claims()
 
 
-CALL = re.compile(r"(?:RKTableau|Register)\w*\((.*)\)\s*;?\s*$", re.S)
+CALL = re.compile(r"(?:RKTableau|Register|SplittingCoefficients)\w*\((.*)\)\s*;?\s*$", re.S)
 """Constructors whose first argument that is a whole number is the order."""
 
 

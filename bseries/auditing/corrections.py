@@ -17,6 +17,7 @@ from bseries.analysis.rounding import LEAST_DIGITS, hidden_order
 from bseries.exceptions import SeriesError
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.polynomials import from_flint, to_flint
+from integrators.methods.programs.program import Method
 from trees.counting import check_order
 
 if TYPE_CHECKING:
@@ -198,16 +199,17 @@ def pair_of(implicit: RungeKutta, explicit: RungeKutta) -> PartitionedRungeKutta
     )
 
 
-def reached(method: RungeKutta | PartitionedRungeKutta, claimed: int) -> tuple[int, int | None]:
-    """The order of a tableau as far as it matters for a claim, and the digits to which it holds; None if exactly.
+def reached(method: Method, most: int, *, is_claimed: bool = True) -> tuple[int, int | None]:
+    """The order of a method up to one, and the digits to which it holds; None if exactly.
 
-    Rounded numbers count to the digits that they show: 12, half of those that are written, or at least 6.
+    Rounded numbers count to the digits that they show: 12, half of those that are written, or at least 6. Exact numbers
+    of which nothing is claimed must show 12.
     """
-    found = order_of(method, claimed)
-    return (found < claimed and hidden_order(method, found, claimed, digits_wanted(method))) or (found, None)
+    found, least = order_of(method, most), digits_wanted(method) if is_claimed or method.digits else ENOUGH
+    return (found < most and hidden_order(method, found, most, least)) or (found, None)
 
 
-def digits_wanted(method: RungeKutta | PartitionedRungeKutta) -> int:
+def digits_wanted(method: Method) -> int:
     """The digits to which rounded numbers must satisfy a claim."""
     return max(LEAST_DIGITS, min(math.ceil((method.digits or 0) / 2), ENOUGH))
 

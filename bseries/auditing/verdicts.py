@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from operator import itemgetter
 from typing import Any, TypeAlias
 
 from bseries.auditing.claims import Claims
 from bseries.auditing.corrections import Correction, corrections, pair_of, reached, residuals
+from bseries.auditing.kinds import methods_of, restored
 from bseries.auditing.structures import stage_order_of, violated
-from bseries.auditing.written import as_written, in_digits
+from bseries.auditing.written import LEAST_DECIMALS, as_decimal, as_written, in_digits
 from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.methods.exchange.numbers import Number
 from integrators.methods.exchange.records import Record
+from integrators.methods.kinds.splitting import NystromSplitting
 
 NEAR = 1e-6
 """Row sums that differ from nodes by more are said."""
@@ -109,15 +112,16 @@ def audited(record: Record, said: Claims) -> Audited:
     if record.kind == "additive":
         return _additive(record, said)
     if record.kind != "runge-kutta":
-        return Audited(*head, notes=(f"tableaus of the kind {record.kind} are read, but not proved",))
+        return _of_other_kind(record, said)
     tables = record.tables
     method = _tableau(tables, "")
     if said.lower and (not method.embedded or method.stages in (said.order, said.embedded)):
         said = said._replace(order=said.embedded, embedded=None, either=False)  # in RK65 there may be six stages
     most = min(said.order or MOST, MOST)
-    order, digits = _order(method, most)
+    order, digits = _order(method, most, is_claimed=said.order is not None)
     rows = [RungeKutta(method.A, b, digits=method.digits, warn=False) for b in method.embedded]
-    orders = tuple(_order(row, min(MOST, max(most, said.embedded or 0)))[0] for row in rows)
+    other = min(MOST, max(most, said.embedded or 0))
+    orders = tuple(_order(row, other, is_claimed=said.embedded is not None)[0] for row in rows)
     head = (*head[:4], said.to_dict())
     notes: list[str] = []
     if said.either and said.order is not None and order < said.order and said.order in orders:
@@ -127,9 +131,32 @@ def audited(record: Record, said: Claims) -> Audited:
     return Audited(*head, order, orders, digits, tuple(findings), (*notes, *_notes(method, findings)))
 
 
-def _order(method: RungeKutta, most: int) -> tuple[int, int | None]:
+def _of_other_kind(record: Record, said: Claims) -> Audited:
+    """The order of a method that is no tableau: the largest one of what the source may mean."""
+    head = record.name, record.source, record.line, record.kind, said.to_dict()
+    methods = list(methods_of(record))
+    if not methods:
+        return Audited(*head, notes=(f"tableaus of the kind {record.kind} are read, but not proved",))
+    most = min(said.order or MOST_OF_FLOWS, MOST_OF_FLOWS)
+    found = [
+        reached(x, most, is_claimed=said.order is not None) for x in methods if not isinstance(x, NystromSplitting)
+    ]
+    order, digits = max(found, key=itemgetter(0))
+    notes: list[str] = []
+    findings: list[Finding] = []
+    if said.order is not None and order < most:
+        special = max((reached(x, most)[0] for x in methods if isinstance(x, NystromSplitting)), default=0)
+        if special == most:
+            notes.append(f"order {special} for second-order equations q'' = g(q) only")
+        else:
+            mended = tuple(tuple(_changes(x, record, 0)) for x in restored(record, most))
+            findings.append(Finding(f"order {said.order}", f"order {max(order, special)}", mended))
+    return Audited(*head, order, (), digits, tuple(findings), tuple(notes))
+
+
+def _order(method: RungeKutta, most: int, *, is_claimed: bool) -> tuple[int, int | None]:
     """The order up to one, exactly or to some digits; roots may stand beside rounded numbers."""
-    found = reached(method, most)
+    found = reached(method, most, is_claimed=is_claimed)
     if found[0] < most and method.domain == "algebraic":
         rounded = reached(_in_decimals(method), most)
         return rounded if rounded[0] > found[0] else found
@@ -139,6 +166,7 @@ def _order(method: RungeKutta, most: int) -> tuple[int, int | None]:
 MOST = 9
 """Orders are decided to this one: there are 719 trees with up to nine nodes."""
 MOST_OF_PAIRS = 5
+MOST_OF_FLOWS = 10
 
 
 def _tableau(tables: Mapping[str, Any], suffix: str) -> RungeKutta:
@@ -154,32 +182,17 @@ def _tableau(tables: Mapping[str, Any], suffix: str) -> RungeKutta:
     return RungeKutta(
         [[x.value for x in row] for row in A],
         [x.value for x in b],
-        None if nodes is None else [x.value if has_roots else _decimal(x.value) for x in nodes],
+        None if nodes is None else [x.value if has_roots else as_decimal(x.value) for x in nodes],
         embedded=embedded or None,
         digits=None if has_roots or written < LEAST_DECIMALS else written,
         warn=False,
     )
 
 
-LEAST_DECIMALS = 7
-"""Decimals with fewer digits, such as 0.25, are exact."""
-
-
-DECIMALS = 40
-"""Significant digits of roots in decimals."""
-
-
-def _decimal(x: Any) -> Fraction:
-    """A number, roots as decimals."""
-    import sympy
-
-    return x if isinstance(x, Fraction) else Fraction(str(sympy.N(x, DECIMALS)))
-
-
 def _in_decimals(method: RungeKutta) -> RungeKutta:
     """The tableau with its roots as decimals."""
-    A, embedded = ([list(map(_decimal, row)) for row in rows] for rows in (method.A, method.embedded))
-    b, c = (list(map(_decimal, row)) for row in (method.b, method.c))
+    A, embedded = ([list(map(as_decimal, row)) for row in rows] for rows in (method.A, method.embedded))
+    b, c = (list(map(as_decimal, row)) for row in (method.b, method.c))
     return RungeKutta(A, b, c, embedded=embedded or None, warn=False)
 
 
@@ -256,13 +269,13 @@ def _changes(correction: Correction, record: Record, row: int) -> Iterator[Chang
     for entry, was, value in zip(correction.entries, correction.was, correction.should_be, strict=True):
         name, _, inside = entry.rstrip("]").partition("[")
         places = [int(k) - 1 for k in inside.split(",")]
-        table = {"a": "A", "b": "b", "c": "c", "embedded": "embedded"}[name]
+        table = "A" if name == "a" and "A" in record.tables else name
         number = record.tables.get(table)
         for k in [row, *places] if table == "embedded" else places:
             number = number[k] if number is not None and k < len(number) else None
         text, line = (number.text, number.line) if number is not None and number.text else (str(was), record.line)
         text = text if was else "0"  # also where zeros fill an array
-        digits = max((x.digits for x in record.tables["b"]), default=0)
+        digits = max((x.digits for x in record.tables.get("b", ())), default=0)
         yield {"entry": entry, "was": text, "should_be": as_written(value, text, digits), "line": line or record.line}
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from decimal import Context, Decimal
 from fractions import Fraction
+from typing import Any
+
+from integrators.methods.exchange.numbers import Number
 
 HEAD = r"(\(*(?:-?\s*[A-Za-z_]\w*\b(?:\b[A-Za-z_]\w*\b|[^\w+.-])*)?)"
 TAIL = r"((?:_[A-Za-z]\w*)?\W*)"
@@ -54,3 +58,23 @@ def in_digits(value: Fraction, digits: int = 17) -> str:
     if value.denominator < MOST_DENOMINATOR:
         return str(value)
     return str(Context(prec=max(17, digits)).divide(Decimal(value.numerator), Decimal(value.denominator)))
+
+
+LEAST_DECIMALS = 7
+"""Decimals with fewer digits, such as 0.25, are exact."""
+ROOT_DIGITS = 40
+"""Significant digits of roots in decimals."""
+
+
+def as_decimal(x: Any) -> Fraction:
+    """A number, roots as decimals."""
+    import sympy
+
+    return x if isinstance(x, Fraction) else Fraction(str(sympy.N(x, ROOT_DIGITS)))
+
+
+def digits_of(numbers: Iterable[Number]) -> int | None:
+    """The digits of rounded numbers, where roots become decimals; None if all are exact."""
+    written = [x.digits if isinstance(x.value, Fraction) else ROOT_DIGITS for x in numbers]
+    rounded = [n for n in written if n >= LEAST_DECIMALS]
+    return max((n for n in rounded if n != ROOT_DIGITS), default=ROOT_DIGITS) if rounded else None

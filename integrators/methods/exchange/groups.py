@@ -38,7 +38,7 @@ ERRORS = ("b_error", "btilde", "b_tilde", "E", "er")
 CLAIMS = ("order", "embedded_order", "adaptiveorder", "q", "p", "o", "name", "shortname", "description", "stages")
 
 
-MADE = re.compile(r"Register|Tableau|RungeKutta|_Create|RK(?:Method|Pair)")
+MADE = re.compile(r"Register|Tableau|RungeKutta|_Create|RK(?:Method|Pair)|SplittingCoefficients")
 """In the names of functions that make a method of its tables."""
 RESULTS = ("xf", "xnew", "x1", "yf", "ynew", "y1", "yout", "unew", "u1", "y", "x", "u")
 """Names of the state at the end of a step, the likeliest first."""

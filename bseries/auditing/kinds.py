@@ -1,0 +1,157 @@
+"""Methods of sources that are no tableaus: splitting methods, compositions, Nyström and Rosenbrock methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from itertools import combinations, pairwise, zip_longest
+from typing import Any
+
+from bseries.auditing.corrections import Correction, reached
+from bseries.auditing.written import as_decimal, digits_of
+from integrators.methods.exchange.numbers import Number
+from integrators.methods.exchange.records import Record
+from integrators.methods.exchange.shapes import flattened
+from integrators.methods.kinds.compositions import linear_combination
+from integrators.methods.kinds.extended_runge_kutta import Rosenbrock
+from integrators.methods.kinds.second_order import RungeKuttaNystrom
+from integrators.methods.kinds.splitting import NystromSplitting, Splitting
+from integrators.methods.programs.program import Method
+
+Tables = Mapping[str, Any]
+"""Nested lists of fractions, by the names of the tables of a record."""
+
+
+def methods_of(record: Record) -> Iterator[Method]:
+    """The methods that a record may mean: both where a source leaves open which of two flows is the first."""
+    if record.kind in KINDS:
+        yield from KINDS[record.kind](_plain(record.tables), _digits(record))
+
+
+def restored(record: Record, order: int) -> tuple[Correction, ...]:
+    """The changes of rows of times that give an order: of single times, of two, or all times of two rows exchanged."""
+    if record.kind not in ("splitting", "composition") or "beta" in record.tables:
+        return ()
+    tables, digits = _plain(record.tables), _digits(record)
+    for changes in (_single_times, _pairs_of_times, _exchanged_rows):
+        found = []
+        for kind, values in changes(tables):
+            rows = {n: [values.get((n, i), x) for i, x in enumerate(row)] for n, row in tables.items()}
+            if any(reached(method, order)[0] >= order for method in KINDS[record.kind](rows, digits)):
+                entries = tuple(f"{n}[{i + 1}]" for n, i in values)
+                found.append(Correction(kind, entries, tuple(tables[n][i] for n, i in values), tuple(values.values())))
+        if found:
+            return tuple(found)
+    return ()
+
+
+def _digits(record: Record) -> int | None:
+    """The digits of the numbers of a record."""
+    return digits_of(x for x in flattened(list(record.tables.values())) if isinstance(x, Number))
+
+
+Changes = Iterator[tuple[str, Mapping[tuple[str, int], Any]]]
+"""The kind of a change, and the new times by the name of the row and the place."""
+
+
+def _single_times(tables: Tables) -> Changes:
+    """Another sign, or the time that completes the sum of a row."""
+    for n, row in tables.items():
+        for i, x in enumerate(row):
+            yield "sign", {(n, i): -x}
+            if sum(row) != 1:
+                yield "entry", {(n, i): x + 1 - sum(row)}
+
+
+def _pairs_of_times(tables: Tables) -> Changes:
+    """Two times of a row exchanged, or two equal ones that complete its sum."""
+    for n, row in tables.items():
+        for (i, x), (j, y) in combinations(enumerate(row), 2):
+            yield "exchanged", {(n, i): y, (n, j): x}
+            if x == y and sum(row) != 1:
+                yield "entry", dict.fromkeys(((n, i), (n, j)), x + (1 - sum(row)) / 2)
+
+
+def _exchanged_rows(tables: Tables) -> Changes:
+    """The rows of a method and of its adjoint exchanged."""
+    (n, one), (m, two) = tables.items()
+    if len(one) == len(two):
+        yield "exchanged", {(n, i): x for i, x in enumerate(two)} | {(m, i): x for i, x in enumerate(one)}
+
+
+def _plain(table: Any) -> Any:
+    """Numbers as fractions, roots as decimals; missing entries are zeros."""
+    if isinstance(table, Mapping):
+        return {name: _plain(x) for name, x in table.items()}
+    if isinstance(table, list):
+        return [_plain(x) for x in table]
+    return as_decimal(table.value) if isinstance(table, Number) else Fraction(0)
+
+
+def _splittings(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """Flows of two parts in turn, either first; then those of positions and momenta in second-order equations."""
+    if "beta" in tables:
+        yield _sum_of_splittings(tables, digits)
+        return
+    one, two = tables.values()
+    for rows in ({"p": one, "q": two}, {"q": two, "p": one}):
+        yield Splitting(_in_turn(rows), digits=digits)
+    for rows in ({"p": one, "q": two}, {"q": one, "p": two}, {"q": two, "p": one}, {"p": two, "q": one}):
+        yield NystromSplitting(_in_turn(rows), digits=digits)
+
+
+def _in_turn(rows: Mapping[str, Sequence[Fraction]]) -> list[tuple[str, Fraction]]:
+    """The flows of parts, one after the other."""
+    return [flow for times in zip_longest(*rows.values(), fillvalue=Fraction(0)) for flow in zip(rows, times)]  # noqa: B905
+
+
+def _sum_of_splittings(tables: Tables, digits: int | None) -> Method:
+    """Σ α_l of splittings l, whose part p is at the time β_lkp after k of its flows."""
+    parts = "pqrstuvw"
+    steps = []
+    for times in tables["beta"]:
+        between = [[y - x for x, y in zip(*pair, strict=True)] for pair in pairwise(times)]
+        steps.append(Splitting([flow for row in between for flow in zip(parts, row)], digits=digits))  # noqa: B905
+    return steps[0] if len(steps) == 1 else linear_combination(zip(tables["alpha"], steps, strict=True))
+
+
+def _compositions(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """A method and its adjoint in turn, as flows of two parts: a of the method, b of the adjoint."""
+    times = zip(tables["a"], tables["b"], strict=True)
+    yield Splitting([flow for a, b in times for flow in zip("pqqp", (a, a, b, b), strict=True)], digits=digits)
+
+
+def _symmetric_compositions(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """Symmetric steps, of which the first half is given."""
+    row = tables["gamma"]
+    steps = [*row, *row[-2::-1]] if len(row) > 1 else row
+    halves = [flow for x in steps for flow in zip("pqp", (x / 2, x, x / 2), strict=True)]
+    yield Splitting(halves, digits=digits)
+
+
+def _nystrom(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """A Nyström method; nodes that are not given are those of q'' = const."""
+    nodes = tables.get("c")
+    if nodes is not None:
+        velocity = tables.get("A_velocity")
+        yield RungeKuttaNystrom(tables["A"], tables["b"], tables["b_velocity"], nodes, A=velocity, digits=digits)
+
+
+def _rosenbrock(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """A Rosenbrock method, also in the form without products with the Jacobian; the last stage may be the result."""
+    A = tables["A"]
+    if "Gamma" in tables and "b" in tables:
+        yield Rosenbrock(A, tables["Gamma"], tables["b"], digits=digits)
+    elif "C" in tables and ("gamma" in tables or "d" in tables):
+        gamma = tables["gamma"] if "gamma" in tables else tables["d"][0]
+        weights = tables.get("b", [*A[-1][:-1], Fraction(1)])
+        yield Rosenbrock.from_transformed(A, tables["C"], weights, gamma, digits=digits)
+
+
+KINDS: dict[str, Callable[[Tables, int | None], Iterator[Method]]] = {
+    "splitting": _splittings,
+    "composition": _compositions,
+    "symmetric-composition": _symmetric_compositions,
+    "nystrom": _nystrom,
+    "rosenbrock": _rosenbrock,
+}
