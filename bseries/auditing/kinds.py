@@ -29,15 +29,21 @@ def methods_of(record: Record) -> Iterator[Method]:
 
 
 def restored(record: Record, order: int) -> tuple[Correction, ...]:
-    """The changes of rows of times that give an order: of single times, of two, or all times of two rows exchanged."""
+    """The changes of rows of times that give an order: of single times, of two, or two rows exchanged.
+
+    A correction that exchanges rows has their names as entries, and no values.
+    """
     if record.kind not in ("splitting", "composition") or "beta" in record.tables:
         return ()
     tables, digits = _plain(record.tables), _digits(record)
-    for changes in (_single_times, _pairs_of_times, _exchanged_rows):
+    (n, one), (m, two) = tables.items()
+    if len(one) == len(two) and _has_order(record.kind, {n: two, m: one}, digits, order):
+        return (Correction("exchanged", (n, m), (), ()),)
+    for changes in (_single_times, _pairs_of_times):
         found = []
         for kind, values in changes(tables):
             rows = {n: [values.get((n, i), x) for i, x in enumerate(row)] for n, row in tables.items()}
-            if any(reached(method, order)[0] >= order for method in KINDS[record.kind](rows, digits)):
+            if _has_order(record.kind, rows, digits, order):
                 entries = tuple(f"{n}[{i + 1}]" for n, i in values)
                 found.append(Correction(kind, entries, tuple(tables[n][i] for n, i in values), tuple(values.values())))
         if found:
@@ -59,7 +65,7 @@ def _single_times(tables: Tables) -> Changes:
     for n, row in tables.items():
         for i, x in enumerate(row):
             yield "sign", {(n, i): -x}
-            if sum(row) != 1:
+            if sum(row) not in (1, 1 + 2 * x):
                 yield "entry", {(n, i): x + 1 - sum(row)}
 
 
@@ -72,11 +78,9 @@ def _pairs_of_times(tables: Tables) -> Changes:
                 yield "entry", dict.fromkeys(((n, i), (n, j)), x + (1 - sum(row)) / 2)
 
 
-def _exchanged_rows(tables: Tables) -> Changes:
-    """The rows of a method and of its adjoint exchanged."""
-    (n, one), (m, two) = tables.items()
-    if len(one) == len(two):
-        yield "exchanged", {(n, i): x for i, x in enumerate(two)} | {(m, i): x for i, x in enumerate(one)}
+def _has_order(kind: str, tables: Tables, digits: int | None, order: int) -> bool:
+    """Whether one of the methods that tables may mean has an order."""
+    return any(reached(method, order)[0] >= order for method in KINDS[kind](tables, digits))
 
 
 def _plain(table: Any) -> Any:
@@ -116,14 +120,14 @@ def _sum_of_splittings(tables: Tables, digits: int | None) -> Method:
 
 
 def _compositions(tables: Tables, digits: int | None) -> Iterator[Method]:
-    """A method and its adjoint in turn, as flows of two parts: a of the method, b of the adjoint."""
-    times = zip(tables["a"], tables["b"], strict=True)
+    """A method and its adjoint in turn, as flows of two parts."""
+    times = zip(tables["method"], tables["adjoint"], strict=True)
     yield Splitting([flow for a, b in times for flow in zip("pqqp", (a, a, b, b), strict=True)], digits=digits)
 
 
 def _symmetric_compositions(tables: Tables, digits: int | None) -> Iterator[Method]:
     """Symmetric steps, of which the first half is given."""
-    row = tables["gamma"]
+    row = tables["half"]
     steps = [*row, *row[-2::-1]] if len(row) > 1 else row
     halves = [flow for x in steps for flow in zip("pqp", (x / 2, x, x / 2), strict=True)]
     yield Splitting(halves, digits=digits)

@@ -266,7 +266,10 @@ def _mended(
 
 def _changes(correction: Correction, record: Record, row: int) -> Iterator[Change]:
     """Each entry of a correction, with the text of the source and its line."""
-    for entry, was, value in zip(correction.entries, correction.was, correction.should_be, strict=True):
+    if not correction.was:
+        for name, other in zip(correction.entries, reversed(correction.entries), strict=True):
+            yield {"entry": name, "was": name, "should_be": other, "line": record.line}
+    for entry, was, value in zip(correction.entries, correction.was, correction.should_be, strict=False):
         name, _, inside = entry.rstrip("]").partition("[")
         places = [int(k) - 1 for k in inside.split(",")]
         table = "A" if name == "a" and "A" in record.tables else name

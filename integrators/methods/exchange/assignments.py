@@ -14,6 +14,12 @@ from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
 LARGEST_INDEX = 1000
 START = {"t": ZERO, "h": ONE, "dt": ONE, "x": ONE, "y": ONE, "u": ONE}
 """The time, the length and the state of a step, as steps are written."""
+CONSTRUCTORS = {
+    "SplittingCoefficientsGeneral": ("a", "b"),
+    "SplittingCoefficientsNonSymmetric": ("method", "adjoint"),
+    "SplittingCoefficientsSS": ("half",),
+}
+"""Of GeometricIntegrators.jl: times of two flows; of a method and its adjoint; half of those of symmetric steps."""
 MOST_STAGES = 200
 MOST_DECLARED = 200
 """Tokens before a name that are searched for its type."""
@@ -153,6 +159,8 @@ class Assignments:
                     continue
             elif kind == "name" and text.lower() == "call" and self.language.indexed == "(":
                 self._evaluate(i)
+            elif kind == "name" and text in CONSTRUCTORS and tokens[i + 1].text == "(":
+                self._construct(i)
             elif kind == "name" and text.lower() == "data" and self.language.indexed == "(":
                 end = self._data(i)
                 if end is not None:
@@ -253,6 +261,18 @@ class Assignments:
                 target = Variable(self.tokens[end - 1].text, self.source.line(self.tokens[i].start))
                 target.value = block.unit(len(block.stages))
                 block.tables[-1][target.name] = target
+
+    def _construct(self, i: int) -> None:
+        """A call of a constructor whose last arguments are rows of times, which get names in this block."""
+        try:
+            rows = [x for x in self.reader.arguments(i + 1) if isinstance(x, list)]
+        except Unread:
+            return
+        names = CONSTRUCTORS[self.tokens[i].text]
+        for name, row in zip(names, rows if len(rows) == len(names) else (), strict=False):
+            variable = Variable(f"{self.tokens[i].text}.{name}", self.source.line(self.tokens[i].start))
+            variable.value = row
+            self.block.tables[-1][variable.name] = variable
 
     # Assignments.
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
-from integrators.methods.exchange.assignments import Block, Unknown, Variable
+from integrators.methods.exchange.assignments import CONSTRUCTORS, Block, Unknown, Variable
 from integrators.methods.exchange.numbers import ZERO, Number, Struct
 from integrators.methods.exchange.records import Record
 from integrators.methods.exchange.shapes import (
@@ -126,6 +126,8 @@ class Group:
         """Report the methods of this group."""
         if self.block.stages:
             self._steps()
+            return
+        if self._composition():
             return
         parts = list(self._tableaus())
         for fixed in (self._nystrom, self._rosenbrock, self._shu_osher):
@@ -468,7 +470,9 @@ class Group:
                 x, y = as_row(a), as_row(b)
                 size = max(len(x), len(y))
                 flat = all(isinstance(v, Number) for v in (*x, *y)) and len(x) - len(y) in (-1, 0, 1)
-                if flat and all(abs(sum(map(near, row)) - 1) < NEAR for row in (x, y)) and size <= MOST_STAGES:
+                fitting = [flat and abs(sum(map(near, row)) - 1) < NEAR for row in (x, y)]
+                is_said = any(fitting) and {"order", "q"} & self._claims().keys()  # of one row a time may be wrong
+                if (all(fitting) or is_said) and size <= MOST_STAGES:
                     self._report(f"{dot}{one}", "splitting", {one: x, two: y})
                     found = True
                     break
@@ -477,6 +481,16 @@ class Group:
                     found = True
                     break
         return found
+
+    def _composition(self) -> bool:
+        """The rows of times in a constructor."""
+        for name, names in CONSTRUCTORS.items():
+            rows = {key: self.values.get(f"{name}.{key}") for key in names}
+            if all(isinstance(row, list) and all(isinstance(x, Number) for x in row) for row in rows.values()):
+                kinds = {"method": "composition", "half": "symmetric-composition"}
+                self._report(f"{name}.{names[0]}", kinds.get(names[0], "splitting"), rows)
+                return True
+        return False
 
     def _numeric_families(self) -> None:
         """Families of other letters: nodes are row sums, and weights sum to 1."""
@@ -523,7 +537,7 @@ class Group:
         """The name of the method of a table: what it says of itself, the stem of its own name, or that of its block."""
         tail = name.rpartition(".")[2]
         stem = re.sub(r"_?(?:A|a|a_lower|Gamma|C)(?:_?(?:hat|\w))?$", "", tail)
-        if re.match("alpha|gamma|γ|α|a_lower", tail):
+        if re.match("alpha|gamma|γ|α|a_lower|method$|half$", tail):
             stem = ""
         if len(stem.strip("_")) > 1 and not self.block.stages:
             return stem.strip("_")

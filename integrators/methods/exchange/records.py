@@ -15,8 +15,8 @@ class Record:
         name: Its name: that of the function, block or variable that it is in.
         source: The name of the source.
         line: The line in which its first table starts.
-        kind: ``runge-kutta``, ``additive``, ``nystrom``, ``rosenbrock``, ``shu-osher``, ``2n``, ``2s``, ``splitting``
-            or ``coupling``.
+        kind: ``runge-kutta``, ``additive``, ``nystrom``, ``rosenbrock``, ``shu-osher``, ``2n``, ``2s``, ``splitting``,
+            ``composition``, ``symmetric-composition`` or ``coupling``.
         tables: Arrays of `Number`s by name: ``A``, ``b``, ``c``, ``embedded`` (rows), ``error`` (rows of differences
             of weights, of either sign); other kinds as they name them.
         claims: What is said nearby, as text: ``order``, ``q``, ``comment`` and others.

@@ -38,6 +38,8 @@ from integrators.methods.exchange.tokens import CLOSING, LANGUAGES, OPENING, Sou
 
 MOST_BRACKETS = 20
 """Of nested brackets."""
+REVERSED = "reversed"
+"""In place of the bounds of a slice."""
 MOST_ENTRIES = 100_000
 MOST_PARTS = 200
 """Of one entry."""
@@ -423,6 +425,9 @@ class Reader:
         found: list[Any] = []
         for part in text.split(","):
             bounds = [bound.strip() for bound in part.split(":")]
+            if bounds in (["end", "-1", "1"], ["end", "-1", "begin"], ["", "", "-1"]):
+                found.append(REVERSED)
+                continue
             if not all(re.fullmatch(r"(?:end(?:\s*-\s*\d{1,4})?|-?\d{1,6})?", bound) for bound in bounds):
                 return None
             if len(bounds) > 2 or bounds == [""]:
@@ -439,6 +444,9 @@ class Reader:
                 continue
             if not isinstance(value, list):
                 self._refuse(at=at)
+            if index is REVERSED:
+                value = Slice(value[::-1])
+                continue
             if isinstance(index, tuple):
                 start, stop = index
                 start = None if start is None else start - first if start >= 0 else start
@@ -528,6 +536,8 @@ class Reader:
             self.i = start
             if self.tokens[start].kind == "name" and self.tokens[start + 1].text == "=":
                 continue
+            if skips and self.tokens[start].text == ":":
+                continue  # a symbol of Julia
             known = self.look_up(self.tokens[start].text) if self.tokens[start].kind == "name" else 0
             if (
                 skips
