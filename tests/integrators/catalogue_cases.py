@@ -59,6 +59,7 @@ SUITABLE = {
     "nystrom": SECOND_ORDER,
     "nystrom splitting": SECOND_ORDER,
     "force gradient": SECOND_ORDER,
+    "implicit-explicit": ("stiff-scalar", "fast-oscillator", "reaction"),
     "exponential": ("stiff-scalar", "fast-oscillator", "reaction"),
 }
 """Scenes for the methods that are made for special systems."""

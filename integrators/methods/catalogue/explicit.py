@@ -6,6 +6,7 @@ The first weights of a pair advance the solution, the embedded weights estimate 
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import partial
 
 from integrators.core.errors import IntegratorError
@@ -15,6 +16,8 @@ from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 HEUN = "K. Heun, Z. Math. Phys. 45 (1900) 23–38"
 KUTTA = "W. Kutta, Z. Math. Phys. 46 (1901) 435–453"
+HALF = Fraction(1, 2)
+PEP = "G. A. Barrios de León, D. I. Ketcheson, H. Ranocha, arXiv:2407.15365 (2024)"
 RALSTON = "A. Ralston, Math. Comp. 16 (1962) 431–437, doi:10.1090/S0025-5718-1962-0150954-0"
 
 
@@ -57,6 +60,16 @@ def _three_stages(*, name: str, reference: str, c2: Entry, c3: Entry) -> RungeKu
     a32 = c3 * (c3 - c2) / (c2 * (2 - 3 * c2))
     matrix = [[0, 0, 0], [c2, 0, 0], [c3 - a32, a32, 0]]
     return RungeKutta(matrix, [1 - b2 - b3, b2, b3], name=name, reference=reference)
+
+
+def _ees25(*, name: str, reference: str, x: Entry = Fraction(1, 10)) -> RungeKutta:
+    """The only method with b_1 = x: order 2, and Φ_h ∘ Φ_(−h) is the identity to order 5."""
+    if any(cancels([x, -y], 0) for y in (1, HALF, -HALF)):
+        raise IntegratorError(f"parameter x of ees25 must not be 1, 1/2 or -1/2, but was {x!s:.60}")
+    a21 = (1 + 2 * x) / (4 * (1 - x))
+    a31 = (6 * a21 - 8 * x - 1) / (8 * x**2 - 2)
+    matrix = [[0, 0, 0], [a21, 0, 0], [a31, a21 + HALF - a31, 0]]
+    return RungeKutta(matrix, [x, HALF, HALF - x], name=name, reference=reference)
 
 
 METHODS = (
@@ -170,6 +183,34 @@ METHODS = (
             "0.09468075576583946 0.009183565540343253 0.4877705284247616 1.234297566930479 -2.707712349983525 "
             "1.866628418170587 1/66",), title="Tsit5"),
     # The three weights of order 3 and the error weights of order 5 (b minus the embedded weights) are printed in
+    explicit_entry("dormand-prince87", 8,
+        ("1/18",
+         "1/48 1/16",
+         "1/32 0 3/32",
+         "5/16 0 -75/64 75/64",
+         "3/80 0 0 3/16 3/20",
+         "29443841/614563906 0 0 77736538/692538347 -28693883/1125000000 23124283/1800000000",
+         "16016141/946692911 0 0 61564180/158732637 22789713/633445777 545815736/2771057229 -180193667/1043307555",
+         "39632708/573591083 0 0 -433636366/683701615 -421739975/2616292301 100302831/723423059 790204164/839813087 "
+         "800635310/3783071287",
+         "246121993/1340847787 0 0 -37695042795/15268766246 -309121744/1061227803 -12992083/490766935 "
+         "6005943493/2108947869 393006217/1396673457 123872331/1001029789",
+         "-1028468189/846180014 0 0 8478235783/508512852 1311729495/1432422823 -10304129995/1701304382 "
+         "-48777925059/3047939560 15336726248/1032824649 -45442868181/3398467696 3065993473/597172653",
+         "185892177/718116043 0 0 -3185094517/667107341 -477755414/1098053517 -703635378/230739211 "
+         "5731566787/1027545527 5232866602/850066563 -4093664535/808688257 3962137247/1805957418 65686358/487910083",
+         "403863854/491063109 0 0 -5068492393/434740067 -411421997/543043805 652783627/914296604 "
+         "11173962825/925320556 -13158990841/6184727034 3936647629/1978049680 -160528059/685178525 "
+         "248638103/1413531060"),
+        "14005451/335480064 0 0 0 0 -59238493/1068277825 181606767/758867731 561292985/797845732 "
+        "-1041891430/1371343529 760417239/1151165299 118820643/751138087 -528747749/2220607170 1/4",
+        "pair 8(7) with the least error of order 8, in rational approximations",
+        "P. J. Prince, J. R. Dormand, J. Comput. Appl. Math. 7 (1981) 67–75, doi:10.1016/0771-050X(81)90010-3",
+        aliases=("dp87",), digits=17,
+        nodes="0 1/18 1/12 1/8 5/16 3/8 59/400 93/200 5490023248/9719169821 13/20 1201146811/1299019798 1 1",
+        embedded=(
+            "13451932/455176623 0 0 0 0 -808719846/976000145 1757004468/5645159321 656045339/265891186 "
+            "-3867574721/1518517206 465885868/322736535 53011238/667516719 2/45 0",), title="Dormand–Prince 8(7)"),
     # dop853.f; the error weights have 28 significant digits, everything else 30.
     explicit_entry("dop853", 8,
         ("0.0526001519587677318785587544488",
@@ -212,4 +253,17 @@ METHODS = (
             "0.0670659235916588857765328353543",
             "0.244094488188976377952755905512 0 0 0 0 0 0 0 0.733846688281611857341361741547 0 0 "
             "0.0220588235294117647058823529412"), title="DOP853"),
+    explicit_entry("pep425", 2,
+        ("1/10", "-35816/35721 56795/35721", "11994761/5328000 -11002961/4420800 215846127/181744000"),
+        "-17/222 6250/15657 5250987/10382126 4000/23307", "energy is preserved to order 5", PEP, title="PEP (4,2,5)"),
+    explicit_entry("pep526", 2,
+        ("0.193445628056365", "-0.090431947690469 0.646659568003039",
+         "-0.059239621354435 0.598571867726670 -0.010476084304794",
+         "0.173154586278662 0.043637751980064 0.949323298732961 -0.262838451019868"),
+        "0.054828314201395 0.310080077556546 0.531276882919990 -0.135494569336049 0.239309294658118",
+        "energy is preserved to order 6", PEP, digits=15, title="PEP (5,2,6)"),
+    MethodEntry("ees25", "explicit", 3, 2,
+        "explicit and effectively symmetric: a step back undoes a step to order 5; x = 1/10 by default",
+        "Explicit and effectively symmetric Runge–Kutta methods, arXiv:2507.21006 (2025)", _ees25,
+        options=("x",), title="EES(2,5)"),
 )  # fmt: skip

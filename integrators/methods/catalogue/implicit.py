@@ -23,7 +23,7 @@ from math import comb
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, cancels
 from integrators.exact.polynomials import Matrix, Polynomial, add, matrix_rows, scale, to_flint_matrix
-from integrators.methods.catalogue.registry import MethodEntry
+from integrators.methods.catalogue.registry import MethodEntry, lower_rows
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.methods.tableaux.stage_algebra import StageAlgebra, gram_matrix
 
@@ -35,6 +35,17 @@ JAY = (
     "doi:10.1007/978-3-540-70529-1_123"
 )
 STIFF = "Hairer, Wanner, Solving Ordinary Differential Equations II, §IV.5, doi:10.1007/978-3-642-05221-7"
+
+
+WSO643 = (
+    "0.079672377876931",
+    "0.328355391763968 0.136009256546967",
+    "-0.650772774016417 1.742859063495349 0.256472952467792",
+    "-0.714580550967259 1.793745752775934 -0.078254785672497 0.311753794172585",
+    "-1.120092779092918 1.983452339867353 3.117393885836001 -3.761930177913743 0.770646024799205",
+    "0.214823667785537 0.536367363903245 0.154488125726409 -0.217748592703941 0.072226422925896 0.239843012362853",
+)
+"""The rows of the matrix; the last one is that of the weights."""
 
 
 def legendre(degree: int) -> Polynomial:
@@ -161,10 +172,11 @@ def _entry(
     *texts: str,
     aliases: tuple[str, ...] = (),
     title: str = "",
+    digits: int | None = None,
 ) -> MethodEntry:
     """Entry of a diagonally implicit method from its tableau, description and reference."""
     description, reference = texts
-    build = partial(RungeKutta, A, b)
+    build = partial(RungeKutta, A, b, digits=digits)
     return MethodEntry(name, "diagonally implicit", len(A), order, description, reference, build, aliases, title=title)
 
 
@@ -214,6 +226,11 @@ METHODS = (
     _entry("qin-zhang", 2, [["1/4", "0"], ["1/2", "1/4"]], ["1/2", "1/2"],
         "two implicit midpoint steps of half the length, symplectic: sdirk2 with gamma = 1/4",
         "M.-Z. Qin, M.-Q. Zhang, J. Comput. Math. Suppl. (1992) 205–215", title="Qin–Zhang"),
+    _entry("wso-dirk643", 4,
+        lower_rows(WSO643, 6), WSO643[-1].split(),
+        "stiffly accurate, with weak stage order 3: linear problems have order 4 however stiff they are",
+        "D. I. Ketcheson, B. Seibold, D. Shirokoff, D. Zhou, arXiv:1811.01285 (2018)", digits=15,
+        title="WSO-DIRK (6,4,3)"),
     MethodEntry("sdirk2", "diagonally implicit", 2, 2,
         "singly diagonally implicit with nodes gamma and 1 - gamma; order 3 for gamma = 1/2 ± sqrt(3)/6", NORSETT,
         _sdirk2, parameters=("gamma",), title="SDIRK2"),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned")
+TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit", "partitioned", "implicit-explicit")
 PROGRAM_KINDS = (
     *("continuous stage", "nystrom", "force gradient", "nystrom splitting", "splitting"),
     *("two-derivative", "additive", "exponential", "rosenbrock", "w-method"),

@@ -102,7 +102,8 @@ end
 def test_exact_numbers_without_a_claim_have_their_exact_order():
     """A weight that is wrong by 1e-8: order 4 to 8 digits only where order 4 is claimed."""
     wrong = Fraction(1, 6) + Fraction(1, 10**8)
-    text = f"A = [0 0 0 0; 1//2 0 0 0; 0 1//2 0 0; 0 0 1 0]\nb = [{wrong.numerator}//{wrong.denominator}, 1//3, 1//3, 1//6]\n"
+    weights = f"{wrong.numerator}//{wrong.denominator}, 1//3, 1//3, 1//6"
+    text = f"A = [0 0 0 0; 1//2 0 0 0; 0 1//2 0 0; 0 0 1 0]\nb = [{weights}]\n"
     assert audited(text, "rk.jl").order == 0
     claimed = audited("order = 4\n" + text, "rk.jl")
     assert (claimed.order, claimed.findings) == (4, ())

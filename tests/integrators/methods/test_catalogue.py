@@ -16,8 +16,9 @@ from integrators.methods.catalogue.registry import PROGRAM_KINDS, TABLEAU_KINDS,
 
 ENTRIES = catalogue()
 FIXED = [entry for entry in ENTRIES if not entry.is_family and entry.is_tableau]
-SINGLE = [entry for entry in FIXED if entry.kind != "partitioned"]
-PAIRS = [entry for entry in FIXED if entry.kind == "partitioned"]
+PAIR_KINDS = ("partitioned", "implicit-explicit")
+SINGLE = [entry for entry in FIXED if entry.kind not in PAIR_KINDS]
+PAIRS = [entry for entry in FIXED if entry.kind in PAIR_KINDS]
 # General position: no further order condition holds by accident.
 VALUES = {"alpha": "3/7", "gamma": "2/7", "c2": "3/5", "c3": "6/7"}
 FIFTY_DIGITS = 50
@@ -63,9 +64,12 @@ def test_claimed_order_holds_and_the_next_fails(entry: MethodEntry) -> None:
 @pytest.mark.parametrize("entry", **named(PAIRS))
 def test_order_of_pairs_from_all_two_coloured_trees(entry: MethodEntry) -> None:
     pair = build(entry)
-    assert pair.names == ("p", "q")
+    assert pair.names == (("p", "q") if entry.kind == "partitioned" else ("L", "N"))
     parts = [numbers(part) for part in pair.partitions]
-    assert oracle.order_of(oracle.Tableau(*parts), colours=2) == entry.order
+    assert (
+        oracle.order_of(oracle.Tableau(*parts), colours=2, tolerance=max(map(tolerance, pair.partitions)))
+        == entry.order
+    )
 
 
 @pytest.mark.parametrize(
@@ -93,6 +97,7 @@ EMBEDDED = {
     "dormand-prince54": [4],
     "verner65": [5],
     "tsit5": [4],
+    "dormand-prince87": [7],
     "dop853": [5, 3],
 }
 
@@ -111,7 +116,7 @@ def test_every_pair_keeps_its_embedded_weights() -> None:
     pairs = {entry.name for entry in ENTRIES if entry.kind == "embedded pair"}
     decimals = {entry.name for entry in SINGLE if build(entry).digits}
     assert pairs == set(EMBEDDED)
-    assert decimals == {"tsit5", "dop853"}
+    assert decimals == {"tsit5", "dormand-prince87", "dop853", "pep526", "wso-dirk643"}
     assert not any(build(entry).embedded for entry in SINGLE if entry.name not in pairs)
 
 
@@ -293,7 +298,7 @@ def test_entries_are_complete_and_unambiguous() -> None:
 def test_built_methods_carry_name_and_source(entry: MethodEntry) -> None:
     name = f"{entry.name}3" if entry.is_family else entry.name
     built = method(name)
-    assert isinstance(built, PartitionedRungeKutta if entry.kind == "partitioned" else RungeKutta) is entry.is_tableau
+    assert isinstance(built, PartitionedRungeKutta if entry.kind in PAIR_KINDS else RungeKutta) is entry.is_tableau
     assert built.name == name
     assert built.reference == entry.reference
 
