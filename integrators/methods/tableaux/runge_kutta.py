@@ -20,6 +20,7 @@ from integrators.methods.programs.builder import ProgramBuilder, entry_count
 from integrators.methods.programs.evaluations import combination
 from integrators.methods.programs.program import MAX_STAGES, Method, Program
 from integrators.methods.tableaux import presentation
+from integrators.methods.tableaux.registers import FromRegisters
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 
@@ -27,7 +28,7 @@ class TableauWarning(UserWarning):
     """Inconsistency of a tableau: a row sum differs from its node, or the weights do not sum to 1."""
 
 
-class RungeKutta(Method):
+class RungeKutta(FromRegisters, Method):
     """A Runge–Kutta method: its Butcher tableau, exact and immutable.
 
     Entries may be integers, fractions, decimals (``decimal.Decimal`` or text, taken exactly), formulas as text such as
