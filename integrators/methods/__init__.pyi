@@ -31,7 +31,7 @@ from .programs.program import Program as Program
 from .tableaux.files import load_method as load_method
 from .tableaux.files import save_method as save_method
 from .tableaux.partitioned import PartitionedRungeKutta as PartitionedRungeKutta
-from .tableaux.registers import to_2n as to_2n
 from .tableaux.runge_kutta import RungeKutta as RungeKutta
 from .tableaux.runge_kutta import TableauWarning as TableauWarning
 from .tableaux.stage_algebra import StageAlgebra as StageAlgebra
+from .tableaux.williamson import to_2n as to_2n

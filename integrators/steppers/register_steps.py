@@ -39,17 +39,17 @@ def register_source(structure: Structure, form: RegisterForm, options: Options) 
 def _slope_values(form: RegisterForm) -> frozenset[int]:
     """The values that are combinations of slopes only; their arrays do not contain the factor h."""
     found: set[int] = set()
-    for v, value in enumerate(form.values):
+    for v, value in enumerate(form.steps):
         if isinstance(value, Slope) or (value is not None and found.issuperset(operands_of(value))):
             found.add(v)
     return frozenset(found)
 
 
 def _increments(form: RegisterForm) -> frozenset[int]:
-    """The combinations that lead from y_n to y_{n+1} by adding slopes to a value that ends there; empty if others do."""
-    slopes, found, v = _slope_values(form), set[int](), len(form.values) - 1
+    """The combinations that lead from y_n to y_{n+1}, if each adds slopes to a value that ends there; else none."""
+    slopes, found, v = _slope_values(form), set[int](), len(form.steps) - 1
     while v:
-        value = form.values[v]
+        value = form.steps[v]
         states = [] if not isinstance(value, Combination) else [pair for pair in value.terms if pair[0] not in slopes]
         if len(states) != 1 or states[0][1] != 1 or form.last_uses[states[0][0]] != v:
             return frozenset()
@@ -73,18 +73,20 @@ class _RegisterStep(WrittenStep):
     def body_lines(self) -> list[str]:
         """Statements of a step."""
         self.arrays, lines = {0: "y"}, []
-        for v, value in enumerate(self.form.values):
+        for v, value in enumerate(self.form.steps):
+            if not self.form.last_uses[v]:
+                continue
             if isinstance(value, Combination):
                 lines += self._combination(v, value)
             elif value is not None and not self._is_added(v):
                 lines += self._slope(v, value)
-        end = self.arrays[len(self.form.values) - 1]
+        end = self.arrays[len(self.form.steps) - 1]
         return lines if end == "y" else [*lines, *self._assign("y", Entry(end))]
 
     def _is_added(self, v: int) -> bool:
         """Whether a slope is added to the next combination, the only one that reads it, without an array of its own."""
         last = self.form.last_uses[v]
-        following = self.form.values[v + 1]
+        following = self.form.steps[v + 1]
         is_next = last == v + 1 and isinstance(following, Combination) and len(following.terms) > 1
         return is_next and v + 1 not in self.increments
 
@@ -92,7 +94,7 @@ class _RegisterStep(WrittenStep):
         """The array for a value: that of one of the values that end there, or a free one; the others become free."""
         ended = [self.arrays.pop(u) for u in dict.fromkeys(ends) if u in self.arrays]
         pool = [*ended, *self.free]
-        is_last = v == len(self.form.values) - 1
+        is_last = v == len(self.form.steps) - 1
         array = "y" if is_last and "y" in pool else next(iter(pool), "") or self.writer.array(f"r{len(self.arrays)}")
         self.free = [name for name in pool if name != array]
         self.arrays[v] = array
@@ -111,7 +113,7 @@ class _RegisterStep(WrittenStep):
 
     def _combination(self, v: int, value: Combination) -> list[str]:
         """A combination of values, with a slope that is added to it."""
-        last, previous = self.form.last_uses, self.form.values[v - 1]
+        last, previous = self.form.last_uses, self.form.steps[v - 1]
         added = isinstance(previous, Slope) and self._is_added(v - 1)
         terms = dict(value.terms)
         ends = [u for u in terms if last[u] == v and u in self.arrays]

@@ -1,8 +1,8 @@
 """Low-storage and Shu–Osher forms of explicit Runge–Kutta methods: steps as combinations of few vectors.
 
-A form is kept as the values of a step, in order: value 0 is y_n, and each further one is a slope h f(v) or a combination
-Σ x v of earlier values. From it follow the tableau, by linear forms in the slopes; the compiled step, which overwrites
-values that are no longer needed; and the internal stability functions.
+A form is kept as the values of a step, in order: value 0 is y_n, and each further one is a slope h f(v) or a
+combination Σ x v of earlier values. From it follow the tableau, by linear forms in the slopes; the compiled step, which
+overwrites values that are no longer needed; and the internal stability functions.
 """
 
 from __future__ import annotations
@@ -10,20 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
+from typing import Any, NamedTuple, Self, Unpack
 
 from bseries_base.errors import shorten, shown
-from integrators.core.arguments import items
+from integrators.core.arguments import check_digits, items
 from integrators.core.errors import IntegratorError
 from integrators.core.immutable import ImmutableValue
 from integrators.exact import entries
 from integrators.exact.entries import Entry, EntryRow, Matrix, multiply_entries, sum_entries
 from integrators.exact.expressions import format_number
-from integrators.methods.programs.builder import Labels, entry_count, read_matrix, read_row
+from integrators.methods.programs.builder import Labels, read_matrix, read_row
 from integrators.methods.programs.evaluations import LinearForm
-
-if TYPE_CHECKING:
-    from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 ONE, MINUS = Fraction(1), Fraction(-1)
 
@@ -49,6 +46,7 @@ class RegisterForm(ImmutableValue):
     Attributes:
         kind: ``2N``, ``2R``, ``3S*`` or ``Shu-Osher``.
         coefficients: The coefficients of the form by name, as they were given.
+        digits: The number of correct significant digits of published decimals; None if they are exact.
         values: The values of a step; the first, y_n, is None, and the last is y_{n+1}.
 
     Example:
@@ -60,41 +58,66 @@ class RegisterForm(ImmutableValue):
 
     kind: str
     coefficients: Coefficients
+    digits: int | None
     values: tuple[Slope | Combination | None, ...]
 
-    def __init__(self, kind: str, given: Mapping[str, object], names: Iterable[str] = ()) -> None:
-        read, record = FORMS[kind]
-        coefficients: Coefficients = read(**given, names=tuple(names))
+    def __init__(
+        self, kind: str, given: Mapping[str, object], names: Iterable[str] = (), digits: int | None = None
+    ) -> None:
+        check_digits(digits)
+        coefficients = _read(KINDS[kind].shapes, given, tuple(names))
         if entries.find_domain(_flat(coefficients)) == "float":
             coefficients = _mapped(coefficients, lambda x, _: multiply_entries(1.0, x))
-        recorder = _Recorder()
-        record(recorder, **coefficients)
-        self.__dict__.update(kind=kind, coefficients=coefficients, values=tuple(recorder.values))
+        self.__dict__.update(kind=kind, coefficients=coefficients, digits=digits)
+        step = _Recorder(self.precision)
+        step.combine((step.at(KINDS[kind].record(step, **coefficients)), ONE))
+        self.__dict__["values"] = tuple(step.values)
 
     @property
     def _data(self) -> tuple[object, ...]:
-        return self.kind, tuple(self.coefficients.items())
+        return self.kind, tuple(self.coefficients.items()), self.digits
 
     def __repr__(self) -> str:
         return f"<RegisterForm {self.kind}: {self.registers} registers>"
 
     def map(self, function: Callable[[Entry, str], Entry]) -> RegisterForm:
         """The form with a function of every coefficient and its label."""
-        return RegisterForm(self.kind, _mapped(self.coefficients, function))
+        return RegisterForm(self.kind, _mapped(self.coefficients, function), digits=self.digits)
 
-    def to_dict(self, write: Callable[[Entry], object]) -> dict[str, Any]:
-        """The form as plain data, with coefficients written by a function."""
-        rows = {
-            name: [list(map(write, x)) if isinstance(x, tuple) else write(x) for x in given]
+    @property
+    def precision(self) -> Fraction | float:
+        """The relative error of the coefficients: 0 if they are exact."""
+        return entries.relative_error(entries.find_domain(_flat(self.coefficients)), self.digits)
+
+    def to_dict(self, write: Callable[[EntryRow], object]) -> dict[str, Any]:
+        """The form as plain data, with rows of coefficients written by a function."""
+        return {"kind": self.kind} | {
+            name: [write(row) for row in given] if len(KINDS[self.kind].shapes[name]) > 1 else write(given)  # type: ignore[arg-type]
             for name, given in self.coefficients.items()
         }
-        return {"kind": self.kind, **rows}
+
+    @cached_property
+    def steps(self) -> tuple[Slope | Combination | None, ...]:
+        """The values without copies of others, which need no register of their own."""
+        number: dict[int, int] = {}
+        kept: list[Slope | Combination | None] = []
+        for v, value in enumerate(self.values):
+            if isinstance(value, Combination):
+                terms = merged((number[u], x) for u, x in value.terms)
+                if len(terms) == 1 and terms[0][1] == 1 and v + 1 < len(self.values):
+                    number[v] = terms[0][0]
+                    continue
+                kept.append(Combination(terms))
+            else:
+                kept.append(value and Slope(number[value.at]))
+            number[v] = len(kept) - 1
+        return tuple(kept)
 
     @cached_property
     def last_uses(self) -> tuple[int, ...]:
-        """For each value the last one that is computed from it; for y_{n+1} a number beyond."""
-        found = [0] * len(self.values)
-        for v, value in enumerate(self.values):
+        """For each of the steps the last one that is computed from it, 0 if none is; for y_{n+1} a number beyond."""
+        found = [0] * len(self.steps)
+        for v, value in enumerate(self.steps):
             for used in operands_of(value):
                 found[used] = v
         return (*found[:-1], len(found))
@@ -103,14 +126,14 @@ class RegisterForm(ImmutableValue):
     def registers(self) -> int:
         """The most vectors that are needed at once, where a slope is added to a vector as soon as it is known."""
         last = self.last_uses
-        combined = [v for v, value in enumerate(self.values) if isinstance(value, Combination)]
+        combined = [v for v, value in enumerate(self.steps) if isinstance(value, Combination)]
         return max(sum(end > v for end in last[: v + 1]) for v in combined)
 
-    def rows(self, precision: Fraction | float) -> Matrix:
+    def rows(self) -> Matrix:
         """The rows of A and, as the last one, the weights b: what multiplies the slopes in each stage and in y_{n+1}.
 
         Raises:
-            IntegratorError: a stage is not y_n plus slopes, since its weight of y_n is not 1 within the precision.
+            IntegratorError: a stage is not y_n plus slopes, since its weight of y_n is not 1.
         """
         forms, slopes = [LinearForm.of_entries(ONE, {})], 0
         points: list[LinearForm] = []
@@ -122,7 +145,7 @@ class RegisterForm(ImmutableValue):
             elif value is not None:
                 forms.append(sum((forms[v].times(x) for v, x in value.terms), LinearForm()))
         for i, point in enumerate([*points, forms[-1]], 1):
-            if entries.cancels((point.start, MINUS), precision) is not True:
+            if entries.cancels((point.start, MINUS), self.precision) is not True:
                 what = f"stage {i}" if i <= slopes else "the result"
                 raise IntegratorError(
                     f"{', '.join(self.coefficients)} must give stages with the weight 1 of y_n, but that of {what} was "
@@ -138,6 +161,14 @@ def operands_of(value: Slope | Combination | None) -> list[int]:
     return [value.at] if isinstance(value, Slope) else [v for v, _ in value.terms]
 
 
+def merged(terms: Iterable[tuple[int, Entry]]) -> tuple[tuple[int, Entry], ...]:
+    """Terms with equal values added and zeros left out."""
+    total: dict[int, Entry] = {}
+    for v, x in terms:
+        total[v] = sum_entries((total[v], x)) if v in total else x
+    return tuple((v, x) for v, x in total.items() if x != 0)
+
+
 def _flat(coefficients: Coefficients) -> list[Entry]:
     rows = (row for given in coefficients.values() for row in given)
     return [x for row in rows for x in (row if isinstance(row, tuple) else (row,))]
@@ -147,7 +178,11 @@ def _mapped(coefficients: Coefficients, function: Callable[[Entry, str], Entry])
     """The coefficients with a function of each and its label."""
 
     def mapped(x: object, label: str) -> Any:
-        return tuple(mapped(y, f"{label}[{j}]") for j, y in enumerate(x, 1)) if isinstance(x, tuple) else function(x, label)  # type: ignore[arg-type]
+        return (
+            tuple(mapped(y, f"{label}[{j}]") for j, y in enumerate(x, 1))
+            if isinstance(x, tuple)
+            else function(x, label)
+        )  # type: ignore[arg-type]
 
     return {name: mapped(given, name) for name, given in coefficients.items()}
 
@@ -155,129 +190,124 @@ def _mapped(coefficients: Coefficients, function: Callable[[Entry, str], Entry])
 class _Recorder:
     """Records the values of a step; None stands for the zero vector."""
 
-    def __init__(self) -> None:
+    def __init__(self, precision: Fraction | float) -> None:
+        self.precision = precision
         self.values: list[Slope | Combination | None] = [None]
 
-    def slope(self, at: int | None) -> int:
-        """h f at a value."""
-        if at is None:
+    def at(self, value: int | None) -> int:
+        """A stage or the result, which must not be zero."""
+        if value is None:
             raise IntegratorError("coefficients must give stages with the weight 1 of y_n, but one stage was zero")
-        self.values.append(Slope(at))
+        return value
+
+    def slope(self, value: int | None) -> int:
+        """h f at a value."""
+        self.values.append(Slope(self.at(value)))
         return len(self.values) - 1
 
     def combine(self, *terms: tuple[int | None, Entry]) -> int | None:
-        """A combination of values, which is a known value if it is 1 times that."""
-        total: dict[int, Entry] = {}
-        for v, x in terms:
-            if v is not None:
-                total[v] = sum_entries((total[v], x)) if v in total else x
-        kept = tuple((v, x) for v, x in total.items() if x != 0)
-        if not kept or (len(kept) == 1 and kept[0][1] == 1):
-            return kept[0][0] if kept else None
+        """A combination of values."""
+        kept = merged((v, x) for v, x in terms if v is not None)
+        if not kept:
+            return None
         self.values.append(Combination(kept))
         return len(self.values) - 1
 
 
-def _read_2n(A: object, B: object, names: tuple[str, ...]) -> Coefficients:
-    first = read_row(A, "A", names)
-    if first[0] != 0:
-        raise IntegratorError(f"A[1] must be 0, since no slope is known before the first, but was {first[0]}")
-    return {"A": first, "B": read_row(B, "B", names, count=len(first))}
-
-
-def _record_2n(recorder: _Recorder, A: EntryRow, B: EntryRow) -> None:
+def _record_2n(step: _Recorder, A: EntryRow, B: EntryRow) -> int | None:
     """dU ← A_i dU + h f(U), U ← U + B_i dU."""
+    if A[0] != 0:
+        raise IntegratorError(f"A[1] must be 0, since no slope is known before the first, but was {A[0]}")
     u: int | None = 0
     change: int | None = None
     for a, b in zip(A, B, strict=True):
-        change = recorder.combine((change, a), (recorder.slope(u), ONE))
-        u = recorder.combine((u, ONE), (change, b))
+        change = step.combine((change, a), (step.slope(u), ONE))
+        u = step.combine((u, ONE), (change, b))
+    return u
 
 
-def _read_2r(a: object, b: object, names: tuple[str, ...]) -> Coefficients:
-    weights = read_row(b, "b", names)
-    given = items(a, "a")
-    if len(given) != len(weights) - 1:
-        raise IntegratorError(f"a must have {entry_count(len(weights) - 1)}, one fewer than b, but has {len(given)}")
-    return {"a": read_row(given, "a", names) if given else (), "b": weights}
-
-
-def _record_2r(recorder: _Recorder, a: EntryRow, b: EntryRow) -> None:
-    """X ← X + b_i h f(U), U ← X + (a_{i+1,i} − b_i) h f(U): one vector holds f(U) and then U."""
-    u: int | None = 0
-    sums: int | None = 0
+def _record_2r(step: _Recorder, b: EntryRow, a: EntryRow) -> int | None:
+    """X ← X + b_i h f(U), U ← X + (a_{i+1,i} - b_i) h f(U): one vector holds f(U) and then U."""
+    u, total = step.combine((0, ONE)), step.combine((0, ONE))
     for i, weight in enumerate(b):
-        k = recorder.slope(u)
-        sums = recorder.combine((sums, ONE), (k, weight))
+        k = step.slope(u)
+        total = step.combine((total, ONE), (k, weight))
         if i < len(a):
-            u = recorder.combine((sums, ONE), (k, sum_entries((a[i], multiply_entries(MINUS, weight)))))
+            u = step.combine((total, ONE), (k, sum_entries((a[i], multiply_entries(MINUS, weight)))))
+    return total
 
 
-def _read_3s(gamma: object, beta: object, delta: object, names: tuple[str, ...]) -> Coefficients:
-    weights = read_row(beta, "beta", names)
-    matrix = read_matrix(gamma, "gamma", names, rows=len(weights), columns=3)
-    return {"gamma": matrix, "beta": weights, "delta": read_row(delta, "delta", names, count=len(weights))}
-
-
-def _record_3s(recorder: _Recorder, gamma: Matrix, beta: EntryRow, delta: EntryRow) -> None:
+def _record_3s(step: _Recorder, beta: EntryRow, gamma: Matrix, delta: EntryRow) -> int | None:
     """S2 ← S2 + δ_i S1, S1 ← γ_i1 S1 + γ_i2 S2 + γ_i3 S3 + β_i h f(S1) from S1 = S3 = y_n, S2 = 0."""
-    first: int | None = 0
+    first, third = step.combine((0, ONE)), step.combine((0, ONE))
     second: int | None = None
     for row, b, d in zip(gamma, beta, delta, strict=True):
-        second = recorder.combine((second, ONE), (first, d))
-        first = recorder.combine((first, row[0]), (second, row[1]), (0, row[2]), (recorder.slope(first), b))
+        second = step.combine((second, ONE), (first, d))
+        first = step.combine((first, row[0]), (second, row[1]), (third, row[2]), (step.slope(first), b))
+    return first
 
 
-def _read_shu_osher(alpha: object, beta: object, names: tuple[str, ...]) -> Coefficients:
-    rows = len(items(alpha, "alpha"))
-    if rows < 2:
-        raise IntegratorError(f"alpha must have one row for each stage and one for y_(n+1), but has {rows}")
-    read: dict[str, Matrix] = {}
-    for name, given in (("alpha", alpha), ("beta", beta)):
-        read[name] = read_matrix(given, name, names, rows=rows, columns=rows - 1)
-        for i, row in enumerate(read[name]):
-            for j, x in enumerate(row[i:], i):
-                if x != 0:
-                    raise IntegratorError(
-                        f"{name} must be zero in row i from column i on, but {name}[{i + 1}][{j + 1}] was {x}"
-                    )
+def _record_shu_osher(step: _Recorder, alpha: Matrix, beta: Matrix) -> int | None:
+    """Y_i = (1 - Σ α_ij) y_n + Σ (α_ij Y_j + β_ij h f(Y_j)); y_{n+1} is the last row."""
+    stages: list[int | None] = []
+    slopes: list[int | None] = []
+    for name, rows in (("alpha", alpha), ("beta", beta)):
+        implicit = [(i, j) for i, row in enumerate(rows) for j in range(i, len(row)) if row[j] != 0]
+        for i, j in implicit[:1]:
+            raise IntegratorError(f"{name}[{i + 1}][{j + 1}] must be 0 in an explicit method, but was {rows[i][j]}")
+    for weights, factors in zip(alpha, beta, strict=True):
+        rest = (ONE, *(multiply_entries(MINUS, x) for x in weights))
+        start = [] if entries.cancels(rest, step.precision) else [(0, sum_entries(rest))]
+        terms = [*zip(stages, weights, strict=False), *zip(slopes, factors, strict=False)]
+        stages.append(step.combine(*start, *terms))
+        if len(stages) < len(alpha):
+            slopes.append(step.slope(stages[-1]))
+    return stages[-1]
+
+
+class Kind(NamedTuple):
+    """A kind of form: the recorder of its step, and by coefficient its numbers of rows and columns.
+
+    Both are relative to the number of stages, or fixed if they are text; rows alone stand for a list.
+    """
+
+    record: Callable[..., int | None]
+    shapes: Mapping[str, tuple[int | str, ...]]
+
+
+KINDS = {
+    "2N": Kind(_record_2n, {"A": (0,), "B": (0,)}),
+    "2R": Kind(_record_2r, {"b": (0,), "a": (-1,)}),
+    "3S*": Kind(_record_3s, {"beta": (0,), "gamma": (0, "3"), "delta": (0,)}),
+    "Shu-Osher": Kind(_record_shu_osher, {"alpha": (1, 0), "beta": (1, 0)}),
+}
+
+
+def _read(shapes: Mapping[str, tuple[int | str, ...]], given: Mapping[str, Any], names: Iterable[str]) -> Coefficients:
+    """The coefficients of a form, of which the first decides the number of stages."""
+    (name, (more, *_)), *_ = shapes.items()
+    stages = max(1, len(items(given[name], name)) - int(more))
+    read: dict[str, EntryRow | Matrix] = {}
+    for name, shape in shapes.items():
+        count, *columns = (int(x) if isinstance(x, str) else stages + x for x in shape)
+        if columns:
+            read[name] = read_matrix(given[name], name, names, rows=count, columns=columns[0])
+        else:
+            read[name] = read_row(given[name], name, names, count=count) if count else ()
     return read
 
 
-def _record_shu_osher(recorder: _Recorder, alpha: Matrix, beta: Matrix) -> None:
-    """Y_i = (1 − Σ α_ij) y_n + Σ (α_ij Y_j + β_ij h f(Y_j)); y_{n+1} is the last row."""
-    stages: list[int | None] = []
-    slopes: list[int | None] = []
-    domain = entries.find_domain(x for row in (*alpha, *beta) for x in row)
-    for weights, factors in zip(alpha, beta, strict=True):
-        rest = (ONE, *(multiply_entries(MINUS, x) for x in weights))
-        of_start = Fraction(0) if entries.cancels(rest, entries.relative_error(domain, None)) else sum_entries(rest)
-        terms = [*zip(stages, weights, strict=False), *zip(slopes, factors, strict=False)]
-        stages.append(recorder.combine((0, of_start), *terms))
-        if len(stages) < len(alpha):
-            slopes.append(recorder.slope(stages[-1]))
-
-
-FORMS: dict[str, tuple[Callable[..., Coefficients], Callable[..., None]]] = {
-    "2N": (_read_2n, _record_2n),
-    "2R": (_read_2r, _record_2r),
-    "3S*": (_read_3s, _record_3s),
-    "Shu-Osher": (_read_shu_osher, _record_shu_osher),
-}
-"""For each kind of form the reader of its coefficients and the recorder of its step."""
-
-
-def read_form(data: Any, names: Iterable[str] = ()) -> RegisterForm:
+def read_form(data: Any, names: Iterable[str] = (), digits: int | None = None) -> RegisterForm:
     """A form from the data of a file: its kind, and its coefficients by name."""
     given = dict(data) if isinstance(data, Mapping) else {}
     kind = given.pop("kind", None)
-    if kind not in FORMS:
-        raise IntegratorError(f"form.kind must be one of {', '.join(FORMS)}, but was {shown(kind)}")
-    wanted = FORMS[kind][1].__annotations__.keys() - {"recorder", "return"}
-    if given.keys() != wanted:
-        has = ", ".join(map(str, given)) or "none"
-        raise IntegratorError(f"form must have the keys {', '.join(sorted(wanted))} besides kind, but had {shorten(has)}")
-    return RegisterForm(kind, given, names)
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise IntegratorError(f"form.kind must be one of {', '.join(KINDS)}, but was {shown(kind)}")
+    wanted = KINDS[kind].shapes
+    if given.keys() != wanted.keys():
+        has = shorten(", ".join(map(str, given)) or "none")
+        raise IntegratorError(f"form must have the keys {', '.join(wanted)} besides kind, but had {has}")
+    return RegisterForm(kind, given, names, digits)
 
 
 class FromRegisters:
@@ -287,16 +317,16 @@ class FromRegisters:
 
     @classmethod
     def from_form(cls, form: RegisterForm, **labels: Any) -> Self:
-        """The method of a form, with the labels of a `RungeKutta`; the form is kept for stepping and for files."""
-        domain = entries.find_domain(_flat(form.coefficients))
-        *A, b = form.rows(entries.relative_error(domain, labels.get("digits")))
-        method = cls(A, b, **labels)  # type: ignore[call-arg]
+        """The method of a form, which it keeps for steps and files; `labels` are name, reference and warn."""
+        *A, b = form.rows()
+        method = cls(A, b, digits=form.digits, **labels)  # type: ignore[call-arg]
         method.__dict__["form"] = form
         return method
 
     @classmethod
     def _from_registers(cls, kind: str, labels: Labels, **given: object) -> Self:
-        return cls.from_form(RegisterForm(kind, given, labels.get("parameters", ())), **labels)
+        form = RegisterForm(kind, given, labels.pop("parameters", ()), labels.pop("digits", None))
+        return cls.from_form(form, **labels)
 
     @classmethod
     def from_2n(cls, A: object, B: object, **labels: Unpack[Labels]) -> Self:
@@ -391,64 +421,3 @@ class FromRegisters:
             doi:10.1137/S003614450036757X.
         """
         return cls._from_registers("Shu-Osher", labels, alpha=alpha, beta=beta)
-
-
-def to_2n(method: RungeKutta) -> tuple[EntryRow, EntryRow]:
-    """The coefficients A and B of Williamson's form in 2N storage, from which `RungeKutta.from_2n` makes the method.
-
-    With rows a_i of the tableau, of which the last is b, the conditions are a_(i+1)j − a_ij = B_i A_i ⋯ A_(j+1).
-
-    Args:
-        method: an explicit Runge–Kutta method.
-
-    Returns:
-        The rows A and B.
-
-    Raises:
-        IntegratorError: the method is implicit, or does not satisfy a condition, which is named.
-
-    Example:
-        >>> import bseries as bs
-        >>> A, B = bs.methods.to_2n(bs.method("williamson3"))
-        >>> [str(a) for a in A], [str(b) for b in B]
-        (['0', '-5/9', '-153/128'], ['1/3', '15/16', '8/15'])
-        >>> bs.methods.to_2n(bs.method("rk4"))
-        Traceback (most recent call last):
-            ...
-        bseries_base.errors.IntegratorError: method must satisfy a_(i+1)j - a_ij = B_i A_i ... A_(j+1), but for i = 3, j = 1 the left side was 0 and the right 1/2
-
-    References:
-        J. H. Williamson, J. Comput. Phys. 35 (1980) 48–56, doi:10.1016/0021-9991(80)90033-9.
-    """
-    if not getattr(method, "is_explicit", False) or not hasattr(method, "algebra"):
-        raise IntegratorError(f"method must be an explicit RungeKutta, but was {shorten(repr(method))}")
-    rows = (*method.A, method.b)
-    A: list[Entry] = [Fraction(0)]
-    B: list[Entry] = []
-    for i in range(method.stages):
-        B.append(rows[i + 1][i])
-        if entries.cancels((B[i],), method.precision) is not False:
-            row = f"a_{i + 2},{i + 1}" if i + 1 < method.stages else f"b_{i + 1}"
-            raise IntegratorError(f"method must have B_{i + 1} = {row} other than 0 to be in 2N form, but it was {B[i]}")
-        product = B[i]
-        for j in reversed(range(i)):
-            change = sum_entries((rows[i + 1][j], multiply_entries(MINUS, rows[i][j])))
-            if j == i - 1:
-                A.append(_quotient(change, B[i]))
-            product = multiply_entries(product, A[j + 1])
-            if entries.cancels((rows[i + 1][j], -rows[i][j], -product), method.precision) is not True:
-                raise IntegratorError(
-                    "method must satisfy a_(i+1)j - a_ij = B_i A_i ... A_(j+1), but for "
-                    f"i = {i + 1}, j = {j + 1} the left side was {shorten(format_number(change))} and the right "
-                    f"{shorten(format_number(product))}"
-                )
-    return tuple(A), tuple(B)
-
-
-def _quotient(x: Entry, y: Entry) -> Entry:
-    """x / y, in a normal form."""
-    if not (entries.is_sympy(x) or entries.is_sympy(y)):
-        return x / y
-    import sympy
-
-    return entries.read_entry(sympy.radsimp(sympy.cancel(sympy.sympify(x) / sympy.sympify(y))), "A", entries.symbol_names((x, y)))
