@@ -177,7 +177,7 @@ def _flat(coefficients: Coefficients) -> list[Entry]:
 def _mapped(coefficients: Coefficients, function: Callable[[Entry, str], Entry]) -> dict[str, Any]:
     """The coefficients with a function of each and its label."""
 
-    def mapped(x: object, label: str) -> Any:
+    def mapped(x: Any, label: str) -> Any:
         return (
             tuple(mapped(y, f"{label}[{j}]") for j, y in enumerate(x, 1))
             if isinstance(x, tuple)
@@ -293,7 +293,7 @@ def _read(shapes: Mapping[str, tuple[int | str, ...]], given: Mapping[str, Any],
         if columns:
             read[name] = read_matrix(given[name], name, names, rows=count, columns=columns[0])
         else:
-            read[name] = read_row(given[name], name, names, count=count) if count else ()
+            read[name] = read_row(given[name], name, names, count=count) if count or items(given[name], name) else ()
     return read
 
 
@@ -310,6 +310,12 @@ def read_form(data: Any, names: Iterable[str] = (), digits: int | None = None) -
     return RegisterForm(kind, given, names, digits)
 
 
+class FormLabels(Labels, total=False):
+    """The labels of a method given by a form."""
+
+    warn: bool
+
+
 class FromRegisters:
     """The constructors of Runge–Kutta methods from low-storage and Shu–Osher forms, which the method keeps."""
 
@@ -324,17 +330,17 @@ class FromRegisters:
         return method
 
     @classmethod
-    def _from_registers(cls, kind: str, labels: Labels, **given: object) -> Self:
+    def _from_registers(cls, kind: str, labels: FormLabels, **given: object) -> Self:
         form = RegisterForm(kind, given, labels.pop("parameters", ()), labels.pop("digits", None))
         return cls.from_form(form, **labels)
 
     @classmethod
-    def from_2n(cls, A: object, B: object, **labels: Unpack[Labels]) -> Self:
+    def from_2n(cls, A: object, B: object, **labels: Unpack[FormLabels]) -> Self:
         """The method of Williamson's form in 2N storage: dU ← A_i dU + h f(U), U ← U + B_i dU for each stage i.
 
         Args:
             A, B: the coefficients; A_1 is 0.
-            labels: parameters, name, reference and digits, as for `RungeKutta`.
+            labels: parameters, name, reference, digits and warn, as for `RungeKutta`.
 
         Raises:
             IntegratorError: the sizes differ, A_1 is not 0, or an entry is no number or formula.
@@ -350,13 +356,13 @@ class FromRegisters:
         return cls._from_registers("2N", labels, A=A, B=B)
 
     @classmethod
-    def from_2r(cls, a: object, b: object, **labels: Unpack[Labels]) -> Self:
+    def from_2r(cls, a: object, b: object, **labels: Unpack[FormLabels]) -> Self:
         """The method in van der Houwen's form with two registers: a_ij = b_j for j < i − 1.
 
         Args:
             a: the entries a_21, a_32, … below the diagonal.
             b: the weights, one more.
-            labels: parameters, name, reference and digits, as for `RungeKutta`.
+            labels: parameters, name, reference, digits and warn, as for `RungeKutta`.
 
         Raises:
             IntegratorError: the sizes do not match, or an entry is no number or formula.
@@ -373,7 +379,7 @@ class FromRegisters:
         return cls._from_registers("2R", labels, a=a, b=b)
 
     @classmethod
-    def from_3s_star(cls, gamma: object, beta: object, delta: object, **labels: Unpack[Labels]) -> Self:
+    def from_3s_star(cls, gamma: object, beta: object, delta: object, **labels: Unpack[FormLabels]) -> Self:
         """The method of Ketcheson's form 3S* with three registers S1 = S3 = y_n and S2 = 0.
 
         For each stage S2 ← S2 + δ_i S1, and then S1 ← γ_i1 S1 + γ_i2 S2 + γ_i3 S3 + β_i h f(S1).
@@ -381,7 +387,7 @@ class FromRegisters:
         Args:
             gamma: for each stage the three factors γ_i1, γ_i2, γ_i3.
             beta, delta: one coefficient for each stage.
-            labels: parameters, name, reference and digits, as for `RungeKutta`.
+            labels: parameters, name, reference, digits and warn, as for `RungeKutta`.
 
         Raises:
             IntegratorError: the sizes do not match, a stage has not the weight 1 of y_n, or an entry is no number.
@@ -398,12 +404,12 @@ class FromRegisters:
         return cls._from_registers("3S*", labels, gamma=gamma, beta=beta, delta=delta)
 
     @classmethod
-    def from_shu_osher(cls, alpha: object, beta: object, **labels: Unpack[Labels]) -> Self:
+    def from_shu_osher(cls, alpha: object, beta: object, **labels: Unpack[FormLabels]) -> Self:
         """The method of a Shu–Osher form Y_i = (1 − Σ_j α_ij) y_n + Σ_{j<i} (α_ij Y_j + β_ij h f(Y_j)).
 
         Args:
             alpha, beta: one row for each stage, of which the first is zero, and a last one for y_{n+1}.
-            labels: parameters, name, reference and digits, as for `RungeKutta`.
+            labels: parameters, name, reference, digits and warn, as for `RungeKutta`.
 
         Raises:
             IntegratorError: the sizes do not match, a stage is implicit, or an entry is no number or formula.
