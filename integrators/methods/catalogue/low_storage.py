@@ -57,12 +57,6 @@ METHODS = (
         "1432997174477/9575080441755 5161836677717/13612068292357 1720146321549/2090206949498 "
         "3134564353537/4481467310338 2277821191437/14882151754819",
         title="Carpenter–Kennedy 54", digits=25),
-    form_entry("bernardini-pirozzoli52", "2N", 2,
-        "five stages of order 2 in 2N storage for waves: ORK25-6, with five digits",
-        "M. Bernardini, S. Pirozzoli, J. Comput. Phys. 228 (2009) 4182–4199, doi:10.1016/j.jcp.2009.02.032",
-        "0 -1 -1.55798 -1 -0.45031",
-        "0.2 0.83204 0.6 0.35394 0.2",
-        title="Bernardini–Pirozzoli 52", digits=5),
     form_entry("berland64", "2N", 4, "six stages of order 4 in 2N storage with little dispersion: RK46-NL",
         "J. Berland, C. Bogey, C. Bailly, Comput. Fluids 35 (2006) 1459–1463, doi:10.1016/j.compfluid.2005.04.003",
         "0 -0.737101392796 -1.634740794343 -0.74473900378 -1.469897351522 -2.813971388035",

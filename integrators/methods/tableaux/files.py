@@ -5,9 +5,7 @@
 Further keys: ``embedded`` (one or several rows of weights), ``parameters`` (symbols in formulas), ``digits`` (correct
 digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals).
 Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`), ``partitions``
-(name to tableau), or ``form``, which holds the kind and the coefficients of a low-storage or Shu–Osher form:
-
-    {"name": "williamson3", "form": {"kind": "2N", "A": [0, "-5/9", "-153/128"], "B": ["1/3", "15/16", "8/15"]}}
+(name to tableau), or ``form``, a low-storage or Shu–Osher form: its ``kind``, such as 2N, and its coefficients by name.
 """
 
 from __future__ import annotations

@@ -178,11 +178,9 @@ def _mapped(coefficients: Coefficients, function: Callable[[Entry, str], Entry])
     """The coefficients with a function of each and its label."""
 
     def mapped(x: Any, label: str) -> Any:
-        return (
-            tuple(mapped(y, f"{label}[{j}]") for j, y in enumerate(x, 1))
-            if isinstance(x, tuple)
-            else function(x, label)
-        )  # type: ignore[arg-type]
+        if isinstance(x, tuple):
+            return tuple(mapped(y, f"{label}[{j}]") for j, y in enumerate(x, 1))
+        return function(x, label)
 
     return {name: mapped(given, name) for name, given in coefficients.items()}
 
