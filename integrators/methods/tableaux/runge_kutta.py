@@ -20,7 +20,7 @@ from integrators.methods.programs.builder import ProgramBuilder, entry_count
 from integrators.methods.programs.evaluations import combination
 from integrators.methods.programs.program import MAX_STAGES, Method, Program
 from integrators.methods.tableaux import presentation
-from integrators.methods.tableaux.registers import FromRegisters, RegisterForm
+from integrators.methods.tableaux.registers import FromRegisters
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 
@@ -380,10 +380,8 @@ class RungeKutta(FromRegisters, Method):
         return self._mapped(lambda value, _: entries.round_entry(value), nodes=True)
 
     def with_digits(self, digits: int | None) -> RungeKutta:
-        """The method with another number of correct digits of its decimals; None if they are exact."""
+        """The tableau with another number of correct digits of its decimals; None if they are exact."""
         labels: Document = {"name": self.name, "reference": self.reference, "warn": False}
-        if self.form is not None:
-            return self.from_form(RegisterForm(self.form.kind, self.form.coefficients, digits=digits), **labels)
         return RungeKutta(self.A, self.b, self.c, embedded=self.embedded, digits=digits, **labels)
 
     def _mapped(self, function: Callable[[Entry, str], Entry], *, nodes: bool) -> RungeKutta:
