@@ -61,6 +61,8 @@ def compile_step(method: Method, scene: Scene, parts: Parts | None, options: Opt
             │                bseries_base.lowering   LLVM code of the module; LLVM's code is cached on disk
             ▼
         int64_t advance(double *state, ...)
+
+    A method in a form with registers is its own plan (`register_steps`).
     """
     structure = Structure(scene, method_pieces(method, scene, parts))
     if isinstance(method, RungeKutta) and method.form is not None:

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from functools import partial
 
-from integrators.methods.catalogue.registry import MethodEntry
+from integrators.methods.catalogue.registry import MethodEntry, lower_rows
 from integrators.methods.tableaux.registers import KINDS, RegisterForm
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 
 CARPENTER_KENNEDY = "M. H. Carpenter, C. A. Kennedy, Fourth-order 2N-storage Runge–Kutta schemes, NASA TM 109112 (1994)"
-KENNEDY = (
-    "C. A. Kennedy, M. H. Carpenter, R. M. Lewis, Appl. Numer. Math. 35 (2000) 177–219, "
-    "doi:10.1016/S0168-9274(99)00141-5"
-)
+KENNEDY = "C. A. Kennedy et al., Appl. Numer. Math. 35 (2000) 177–219, doi:10.1016/S0168-9274(99)00141-5"
 KETCHESON = "D. I. Ketcheson, SIAM J. Sci. Comput. 30 (2008) 2113–2136, doi:10.1137/07070485X"
-PARSANI = "M. Parsani, D. I. Ketcheson, W. Deconinck, SIAM J. Sci. Comput. 35 (2013) A957–A986, doi:10.1137/120885899"
+PARSANI = "M. Parsani et al., SIAM J. Sci. Comput. 35 (2013) A957–A986, doi:10.1137/120885899"
 
 
 def form_entry(
@@ -28,14 +25,12 @@ def form_entry(
 
     The coefficients have the order of `KINDS`; rows are padded with zeros, and a form Shu–Osher begins with row 2.
     """
+    first, *_ = coefficients
+    stages = len(first.split(";")) if kind == "Shu-Osher" else len(first.split())
     given: dict[str, object] = {}
-    stages = 0
     for (label, shape), text in zip(KINDS[kind].shapes.items(), coefficients, strict=True):
-        rows = [row.split() for row in text.split(";")]
-        rows = [[], *rows] if kind == "Shu-Osher" else rows
-        width = max(map(len, rows))
-        stages = max(stages, width if len(shape) == 1 or kind == "Shu-Osher" else 0)
-        given[label] = rows[0] if len(shape) == 1 else [[*row, *["0"] * (width - len(row))] for row in rows]
+        rows = ["", *text.split(";")] if kind == "Shu-Osher" else text.split(";")
+        given[label] = text.split() if len(shape) == 1 else lower_rows(rows, stages if kind == "Shu-Osher" else 3)
     build = partial(_build, kind, given, digits)
     return MethodEntry(name, "explicit", stages, order, description, reference, build, title=title)
 
@@ -47,9 +42,7 @@ def _build(kind: str, given: dict[str, object], digits: int | None, *, name: str
 METHODS = (
     form_entry("williamson3", "2N", 3, "three stages of order 3 in 2N storage",
         "J. H. Williamson, J. Comput. Phys. 35 (1980) 48–56, doi:10.1016/0021-9991(80)90033-9",
-        "0 -5/9 -153/128",
-        "1/3 15/16 8/15",
-        title="Williamson 3"),
+        "0 -5/9 -153/128", "1/3 15/16 8/15", title="Williamson 3"),
     form_entry("carpenter-kennedy54", "2N", 4, "five stages of order 4 in 2N storage",
         CARPENTER_KENNEDY,
         "0 -567301805773/1357537059087 -2404267990393/2016746695238 -3550918686646/2091501179385 "
@@ -80,16 +73,6 @@ METHODS = (
         "0.0443509641602719 0.2074504268408778 0.6914247433015102 0.3766646883450449 0.0757190350155483 "
         "0.2027862031054088 0.2167029365631842",
         title="Niegemann 124", digits=16),
-    form_entry("niegemann144", "2N", 4,
-        "fourteen stages of order 4 in 2N storage with a large region of stability for waves",
-        "J. Niegemann, R. Diehl, K. Busch, J. Comput. Phys. 231 (2012) 364–372, doi:10.1016/j.jcp.2011.09.003",
-        "0 -0.718801210867241 -0.778533117342157 -0.0053282796654044 -0.8552979934029281 -3.9564138245774565 "
-        "-1.5780575380587385 -2.0837094552574054 -0.748333418276161 -0.7032861106563359 0.0013917096117681 "
-        "-0.093207536963746 -0.9514200470875948 -7.1151571693922548",
-        "0.0367762454319673 0.3136296607553959 0.1531848691869027 0.0030097086818182 0.332629379064611 "
-        "0.2440251405350864 0.3718879239592277 0.6204126221582444 0.1524043173028741 0.0760894927419266 "
-        "0.0077604214040978 0.0024647284755382 0.0780348340049386 5.5059777270269628",
-        title="Niegemann 144", digits=16),
     form_entry("kennedy43", "2R", 3,
         "four stages of order 3 in two registers: RK3(2)4[2R+]C without its embedded weights",
         KENNEDY,
@@ -118,28 +101,12 @@ METHODS = (
         "-0.89505445022148511",
         "1 0.34076878915216791 0.34143871647890728 0.72292984084963252 0",
         title="Parsani 53", digits=16),
-    form_entry("parsani94", "3S*", 4, "nine stages of order 4 in 3S* storage for spectral differences",
-        PARSANI,
-        "0.28363432481011769 0.97364980747486463 0.33823592364196498 -0.35849518935750763 -0.0041139587569859462 "
-        "1.4279689871485013 0.018084680519536503 0.16057708856060501 0.29522267863254809",
-        "0 1 0; -4.6556413837561301 2.4992627683300688 0; -0.77202649689034453 0.58668202764174726 0; "
-        "-4.0244202720632174 1.2051419816240785 0.76209857891449362; -0.021296873883702272 0.34747937498564541 "
-        "-0.1981181783296552; -2.4350219407769953 1.3213458736302766 -0.62289587091629484; 0.019856336960249132 "
-        "0.31196363453264964 -0.37522475499063573; -0.28107894116913812 0.43514189245414447 -0.33554373281046146; "
-        "0.168943543736779 0.23596980658341213 -0.045609629702116454",
-        "1 1.2629238731608268 0.75749675232391733 0.51635907196195419 -0.027463346616574083 -0.43826743572318672 "
-        "1.2735870231839268 -0.6294738221773023 0",
-        title="Parsani 94", digits=16),
     form_entry("ssprk33", "Shu-Osher", 3, "optimal strong-stability-preserving method with three stages",
         "C.-W. Shu, S. Osher, J. Comput. Phys. 77 (1988) 439–471, doi:10.1016/0021-9991(88)90177-5",
-        "1; 3/4 1/4; 1/3 0 2/3",
-        "1; 0 1/4; 0 0 2/3",
-        title="SSPRK33"),
+        "1; 3/4 1/4; 1/3 0 2/3", "1; 0 1/4; 0 0 2/3", title="SSPRK33"),
     form_entry("ssprk43", "Shu-Osher", 3, "strong-stability-preserving method with four stages, SSP coefficient 2",
         "R. J. Spiteri, S. J. Ruuth, SIAM J. Numer. Anal. 40 (2002) 469–491, doi:10.1137/S0036142901389025",
-        "1; 0 1; 2/3 0 1/3; 0 0 0 1",
-        "1/2; 0 1/2; 0 0 1/6; 0 0 0 1/2",
-        title="SSPRK43"),
+        "1; 0 1; 2/3 0 1/3; 0 0 0 1", "1/2; 0 1/2; 0 0 1/6; 0 0 0 1/2", title="SSPRK43"),
     form_entry("ssprk54", "Shu-Osher", 4, "strong-stability-preserving method of order 4 with five stages",
         "R. J. Spiteri, S. J. Ruuth, SIAM J. Numer. Anal. 40 (2002) 469–491, doi:10.1137/S0036142901389025",
         "1; 0.444370493651235 0.555629506348765; 0.620101851488403 0 0.379898148511597; 0.178079954393132 0 0 "

@@ -104,7 +104,8 @@ class RegisterForm(ImmutableValue):
         for v, value in enumerate(self.values):
             if isinstance(value, Combination):
                 terms = merged((number[u], x) for u, x in value.terms)
-                if len(terms) == 1 and terms[0][1] == 1 and v + 1 < len(self.values):
+                is_copy = len(terms) == 1 and terms[0][1] == 1
+                if is_copy and (v + 1 < len(self.values) or terms[0][0] == len(kept) - 1):
                     number[v] = terms[0][0]
                     continue
                 kept.append(Combination(terms))

@@ -270,7 +270,7 @@ def registers_by_numpy(made, f, y, h):
 
 
 def test_3s_star_steps_are_those_of_the_registers_and_a_changed_coefficient_is_seen():
-    made = method("parsani94")
+    made = method("parsani53")
 
     def f(y):
         return np.array([-np.sin(y[1]), y[0]])
