@@ -257,6 +257,39 @@ def test_steps_are_those_of_the_tableau_up_to_rounding(name, where):
     assert stepper(made, scene(where)) is not stepper(tableau, scene(where))  # though the methods are equal
 
 
+def random_forms(stages, seed):
+    """One method of each kind with random coefficients, whose slopes and stages are used again in any later stage."""
+    (below, b, beta, d, A), gamma = random_rows(5, stages, seed), random_rows(stages, 2, seed + 1)
+    second, rows = Fraction(0), []
+    for i in range(stages):
+        second += d[i]
+        first, middle = gamma[i]
+        rows.append([first, middle, 1 - first - middle * second])
+    lower = (random_rows(stages + 1, stages, seed + k) for k in (2, 3))
+    alpha, shu_osher = ([[x * (j < i) for j, x in enumerate(row)] for i, row in enumerate(part)] for part in lower)
+    return [
+        RungeKutta.from_2n([0, *A[1:]], b, warn=False),
+        RungeKutta.from_2r(below[1:], b, warn=False),
+        RungeKutta.from_3s_star(rows, beta, d, warn=False),
+        RungeKutta.from_shu_osher(alpha, shu_osher, warn=False),
+    ]
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("where", ["lorenz", "lennard-jones"])
+@pytest.mark.parametrize("seed", range(4))
+def test_random_forms_step_as_their_tableaus(seed, where):
+    for made in random_forms(3 + seed % 2, 10 * seed):
+        tableau = RungeKutta(made.A, made.b, name="tableau", warn=False)
+        ends = []
+        for given in (made, tableau):
+            compiled = stepper(given, scene(where), compensated=seed % 2 == 0)
+            state = compiled.start(h=1e-4)
+            compiled.advance(state, 2)
+            ends.append(state.y)
+        assert np.abs(ends[0] - ends[1]).max() < 1e-12 * np.abs(ends[1]).max()
+
+
 def registers_by_numpy(made, f, y, h):
     """A step of the form 3S*, as its definition says."""
     given = made.form.coefficients
