@@ -38,6 +38,7 @@ class Combination(NamedTuple):
 
 
 Coefficients = Mapping[str, EntryRow | Matrix]
+Shapes = Mapping[str, tuple[int | str, ...]]
 
 
 class RegisterForm(ImmutableValue):
@@ -265,13 +266,13 @@ def _record_shu_osher(step: _Recorder, alpha: Matrix, beta: Matrix) -> int | Non
 
 
 class Kind(NamedTuple):
-    """A kind of form: the recorder of its step, and by coefficient its numbers of rows and columns.
+    """A kind of form: the recorder of its step, and the shape of each coefficient.
 
-    Both are relative to the number of stages, or fixed if they are text; rows alone stand for a list.
+    Shapes are numbers of rows and columns, or of entries, relative to the number of stages; text is an absolute number.
     """
 
     record: Callable[..., int | None]
-    shapes: Mapping[str, tuple[int | str, ...]]
+    shapes: Shapes
 
 
 KINDS = {
@@ -282,7 +283,7 @@ KINDS = {
 }
 
 
-def _read(shapes: Mapping[str, tuple[int | str, ...]], given: Mapping[str, Any], names: Iterable[str]) -> Coefficients:
+def _read(shapes: Shapes, given: Mapping[str, Any], names: Iterable[str]) -> Coefficients:
     """The coefficients of a form, of which the first decides the number of stages."""
     (name, (more, *_)), *_ = shapes.items()
     stages = max(1, len(items(given[name], name)) - int(more))

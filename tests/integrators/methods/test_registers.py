@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy
 
-from integrators import IntegratorError, RungeKutta, TableauWarning, method, scene, stepper
+from integrators import IntegratorError, RungeKutta, Scene, TableauWarning, Term, method, scene, stepper
 from integrators.methods import to_2n
 from integrators.methods.catalogue.low_storage import METHODS
 from integrators.methods.tableaux.files import dumps_method, loads_method
@@ -317,6 +317,16 @@ def test_3s_star_steps_are_those_of_the_registers_and_a_changed_coefficient_is_s
     other = {**given, "beta": [Fraction(1, 3), *given["beta"][1:]]}
     changed = RungeKutta.from_3s_star(**other, digits=16, warn=False)
     assert np.abs(registers_by_numpy(changed, f, np.array([0.4, 1.1]), 0.125) - expected).max() > 1e-4
+
+
+def test_variables_that_the_field_leaves_alone_stay_as_they_are():
+    still = Scene({"y": ["u", "v"]}, terms=[Term(field={"u": "v - u", "v": "0"})], name="still")
+    for name in ("ssprk104", "ssprk33", "kennedy43", "parsani53"):
+        compiled = stepper(name, still)
+        state = compiled.start([3, 2], h=0.25)
+        compiled.advance(state, 4)
+        assert state.y[1] == pytest.approx(2, abs=1e-14)
+        assert abs(state.y[0] - 2 - np.exp(-1)) < 1e-2
 
 
 def test_a_stage_that_changes_nothing_and_a_last_update_of_zero():
