@@ -124,6 +124,8 @@ class Report(NamedTuple):
             "order": self.order,
             "tested_to": self.tested_to,
         }
+        if isinstance(method, RungeKutta) and method.form is not None:
+            data["form"] = {"kind": method.form.kind, "registers": method.form.registers}
         if self.rounded is not None:
             data["rounded_order"] = self.rounded.to_dict()
         if self.generalised:
@@ -380,6 +382,8 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
     if report.embedded_orders:
         yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
     yield "stages", str(method.stages)
+    if isinstance(method, RungeKutta) and method.form is not None:
+        yield "form", f"{method.form.kind}, in {method.form.registers} registers"
     for name, holds in report.properties.items():
         as_blocks = name == "symplectic_tableau" and len(method.names) > 1 and block_names(method.names) is None
         yield name.replace("_", " ") + " for momenta and positions" * as_blocks, "yes" if holds else "no"

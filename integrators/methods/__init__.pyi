@@ -34,3 +34,4 @@ from .tableaux.partitioned import PartitionedRungeKutta as PartitionedRungeKutta
 from .tableaux.runge_kutta import RungeKutta as RungeKutta
 from .tableaux.runge_kutta import TableauWarning as TableauWarning
 from .tableaux.stage_algebra import StageAlgebra as StageAlgebra
+from .tableaux.williamson import to_2n as to_2n

@@ -103,11 +103,11 @@ def step_source(structure: Structure, plan: Plan, options: Options) -> StepSourc
         compensation, iteration until stagnation).
     """
     # the first pass finds stage derivatives that are read once, and the second substitutes them where they are read
-    once = _Step(StepWriter(structure, plan, CALLS, options, once=frozenset())).read_once()
-    return _Step(StepWriter(structure, plan, CALLS, options, once)).source()
+    once = WrittenStep(StepWriter(structure, plan, CALLS, options)).read_once()
+    return WrittenStep(StepWriter(structure, plan, CALLS, options, once)).source()
 
 
-class _Step:
+class WrittenStep:
     """A planned step and the writer of its module."""
 
     def __init__(self, writer: StepWriter):
@@ -115,7 +115,7 @@ class _Step:
 
     def read_once(self) -> frozenset[Key]:
         """Stage derivatives of diagonal pieces that only the next call reads and that can be substituted there."""
-        self._body_lines()
+        self.body_lines()
         iterated = {e for group in self.plan.groups for e, _ in group.unknowns}
         found: set[Key] = set()
         for number, (call, following) in enumerate(pairwise(self.writer.written)):
@@ -128,7 +128,7 @@ class _Step:
                 found.add((e, block))
         return frozenset(found)
 
-    def _body_lines(self) -> list[str]:
+    def body_lines(self) -> list[str]:
         """Statements of a step."""
         writer, solver = self.writer, SOLVERS[self.writer.options.solver]
         lines: list[str] = []
@@ -141,7 +141,7 @@ class _Step:
     def source(self) -> StepSource:
         """Write the module."""
         writer, forms, module = self.writer, self.forms, self.writer.module
-        body = self._body_lines()
+        body = self.body_lines()
         for (e, block), (end, _) in self.plan.reused.items():
             body += forms.assignments(block, [Assign(f"k{e}", "=", Entry(f"k{end}"))])
         first: list[str] = []  # stage derivatives that each later step takes over from the one before

@@ -20,6 +20,8 @@ from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
+from integrators.methods.tableaux.registers import RegisterForm
+from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.particles.parts import Parts, Piece, check_kind, pieces_of
 from integrators.scenes.scene import Scene
@@ -27,6 +29,7 @@ from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
 from integrators.steppers.plan import Nodes, plan
+from integrators.steppers.register_steps import register_source
 from integrators.steppers.source import HELPERS, StepSource, source_of, step_source
 from integrators.steppers.states import State, StepError
 from integrators.steppers.step_model import Options
@@ -58,8 +61,12 @@ def compile_step(method: Method, scene: Scene, parts: Parts | None, options: Opt
             │                bseries_base.lowering   LLVM code of the module; LLVM's code is cached on disk
             ▼
         int64_t advance(double *state, ...)
+
+    A method in a form with registers is its own plan (`register_steps`).
     """
     structure = Structure(scene, method_pieces(method, scene, parts))
+    if isinstance(method, RungeKutta) and method.form is not None:
+        return register_source(structure, method.form, options)
     step = plan(Nodes(method, structure), stagger=options.control is None)
     return step_source(structure, step, options)
 
@@ -391,14 +398,17 @@ def stepper(
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
     formula = None if control is None else read_control(control, scene)
     options = Options(solver, compensated, split, average_nodes, formula)
-    return kept_stepper(scene, scene.name, method, parts_key(parts), options)
+    form = method.form if isinstance(method, RungeKutta) else None  # methods of two forms are equal
+    return kept_stepper(scene, scene.name, method, parts_key(parts), options, form)
 
 
 PartsKey: TypeAlias = tuple[tuple[str, str | tuple[str, ...]], ...]
 
 
 @lru_cache(maxsize=256)
-def kept_stepper(scene: Scene, name: str, method: Method, parts: PartsKey | None, options: Options) -> Stepper:
+def kept_stepper(
+    scene: Scene, name: str, method: Method, parts: PartsKey | None, options: Options, form: RegisterForm | None = None
+) -> Stepper:
     """The stepper; the last ones that were made are kept."""
     return Stepper(scene, method, None if parts is None else dict(parts), options)
 

@@ -6,6 +6,7 @@ Steps are planned block by block, so that a change of velocities does not cause 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
@@ -150,6 +151,16 @@ class Functions:
         """The name of jf(y, out), the Jacobian matrix of a piece in some blocks, with zeros elsewhere."""
         return self.field(piece, blocks, "jf")
 
+    def update(self, piece: int, blocks: Sequence[int]) -> str:
+        """The name of uf(y, out, a, b), which puts a · out + b · (a piece of the field in some blocks) in out."""
+        return self.field(piece, blocks, "uf")
+
+    def reads_first(self, piece: int, blocks: Sequence[int]) -> bool:
+        """Whether a piece of the field in some blocks is computed from values read before any is written."""
+        lines = self._lines("f", piece, tuple(blocks))
+        writes = next((k for k, line in enumerate(lines) if line.startswith("out[")), 0)
+        return not any("y[" in line for line in lines[writes:]) and not any(" in range(" in line for line in lines)
+
     def _lines(self, kind: str, piece: int, blocks: tuple[int, ...]) -> list[str]:
         structure, dimension = self.structure, self.structure.scene.dimension
         chosen = structure.pieces[piece]
@@ -165,12 +176,25 @@ class Functions:
         if kind == "df":
             tangent = tangent_terms(terms, outputs, dimension)
             return field_lines(tangent, lambda term: term.outputs, indices, self.module)
-        return field_lines(terms, outputs, indices, self.module)
+        lines = field_lines(terms, outputs, indices, self.module)
+        return list(map(_updating, lines)) if kind == "uf" else lines
 
     def write(self) -> None:
         """Add all functions to the module."""
         for key, name in self._names.items():
-            self.module.function(f"{name}(y, out)", "A piece of the field.", self._lines(*key))
+            arguments = "y, out, a, b" if key[0] == "uf" else "y, out"
+            self.module.function(f"{name}({arguments})", "A piece of the field.", self._lines(*key))
+
+
+def _updating(line: str) -> str:
+    """A statement for an entry of a field, changed so that a · out + b · field is computed."""
+    found = re.fullmatch(r"( *)(out\[.*?\]) ([+-]?=) (.*)", line)
+    if found is None:
+        return line
+    space, target, op, value = found.groups()
+    if value == "0.0":
+        return f"{space}{target} = a*{target}"
+    return f"{space}{target} = a*{target} + b*({value})" if op == "=" else f"{space}{target} {op} b*({value})"
 
 
 MOST_ENTRIES = 100_000

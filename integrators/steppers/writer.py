@@ -128,7 +128,12 @@ class FormWriter:
         if not self.compensated:
             return self.assignments(block, [Assign("y", "=", self.value(block, form, "z"))])
         known = self._sums.get(block)
-        total = Entry("d") if known is not None and known.terms == form.terms else self._extended(block, form)
+        return self.increase(
+            block, Entry("d") if known is not None and known.terms == form.terms else self._extended(block, form)
+        )
+
+    def increase(self, block: int, total: Value) -> list[str]:
+        """Statements that add h times a value to y, with compensation."""
 
         def body(i: Index) -> list[str]:
             y, e = entry("y", i), entry("e", i)
@@ -207,8 +212,9 @@ class StepWriter:
     """
 
     def __init__(
-        self, structure: Structure, plan: Plan, calls: Mapping[str, CallWriter], options: Options, once: frozenset[Key]
-    ):
+        self, structure: Structure, plan: Plan, calls: Mapping[str, CallWriter], options: Options,
+        once: frozenset[Key] = frozenset(), arrays: Iterable[str] = ("y", "z", "d"),
+    ):  # fmt: skip
         self.module = ModuleText(lanes=True, plain=True)
         self.numbers: list[Callable[[float], np.ndarray]] = []
         self._number_count = 0
@@ -222,7 +228,7 @@ class StepWriter:
         self._calls = calls
         self.functions = Functions(structure, self.module)
         self.forms = FormWriter(structure, plan, options)
-        for name in ("y", "z", "d", *(["e"] * options.compensated)):
+        for name in (*arrays, *(["e"] * options.compensated)):
             self.array(name)
 
     def array(self, name: str, size: int | None = None) -> str:

@@ -12,4 +12,5 @@ from .criteria import real_stability_interval as real_stability_interval
 from .criteria import ssp_coefficient as ssp_coefficient
 from .criteria import stability_angle as stability_angle
 from .criteria import stability_function as stability_function
+from .internal import internal_stability_functions as internal_stability_functions
 from .rational_functions import StabilityFunction as StabilityFunction

@@ -4,8 +4,8 @@
 
 Further keys: ``embedded`` (one or several rows of weights), ``parameters`` (symbols in formulas), ``digits`` (correct
 digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals).
-Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`) or ``partitions``
-(name to tableau).
+Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`), ``partitions``
+(name to tableau), or ``form``, a low-storage or Shu–Osher form: its ``kind``, such as 2N, and its coefficients by name.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
+from integrators.methods.tableaux.registers import read_form
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 Method = RungeKutta | PartitionedRungeKutta
 
 LABELS = ("name", "reference")
-PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
+PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "form", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
 
 
@@ -143,16 +144,22 @@ def _read_tableau(data: Any, parameters: Iterable[str], digits: int | None) -> R
         if digits is not None:
             raise IntegratorError(f"digits must be left out for a method given by an algebra, but was {shown(digits)}")
         return RungeKutta.from_algebra(_read_algebra(data["algebra"]), **labels)
-    _require_keys(data, ("A", "b"), "content")
     if data.get("domain", "float") != "float":
         raise IntegratorError(f"domain must be float or left out, but was {shown(data['domain'])}")
+    parameters = [*parameters, *items(data.get("parameters", ()), "parameters")]
+    digits = data.get("digits") if digits is None else digits
+    if "form" in data:
+        text_files.check_keys(data, (*LABELS, "form", "parameters", "digits", "domain"), "a method given by a form")
+        form = _as_floats(data["form"]) if "domain" in data else data["form"]
+        return RungeKutta.from_form(read_form(form, parameters, digits), **labels, warn=False)
+    _require_keys(data, ("A", "b"), "content")
     rows = {key: data[key] for key in ("A", "b", "c", "embedded") if key in data}
     if "domain" in data:
         rows = {key: _as_floats(value) for key, value in rows.items()}
     method = RungeKutta(
         **rows,
-        parameters=[*parameters, *items(data.get("parameters", ()), "parameters")],
-        digits=data.get("digits") if digits is None else digits,
+        parameters=parameters,
+        digits=digits,
         **labels,
         warn=False,
     )
@@ -166,9 +173,11 @@ def _require_keys(data: Collection[str], keys: Iterable[str], argument: str) -> 
 
 
 def _as_floats(value: object) -> object:
-    """Nested lists with numbers as doubles; `RungeKutta` checks everything else."""
+    """Nested lists and objects with numbers as doubles; `RungeKutta` checks everything else."""
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]
+    if isinstance(value, dict):
+        return {key: _as_floats(entry) for key, entry in value.items()}
     # Through text, an integer beyond the largest double becomes infinite and is refused as such.
     return float(str(value)) if isinstance(value, int | Decimal) and not isinstance(value, bool) else value
 

@@ -20,6 +20,7 @@ from integrators.methods.programs.builder import ProgramBuilder, entry_count
 from integrators.methods.programs.evaluations import combination
 from integrators.methods.programs.program import MAX_STAGES, Method, Program
 from integrators.methods.tableaux import presentation
+from integrators.methods.tableaux.registers import FromRegisters
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
 
@@ -27,7 +28,7 @@ class TableauWarning(UserWarning):
     """Inconsistency of a tableau: a row sum differs from its node, or the weights do not sum to 1."""
 
 
-class RungeKutta(Method):
+class RungeKutta(FromRegisters, Method):
     """A Runge–Kutta method: its Butcher tableau, exact and immutable.
 
     Entries may be integers, fractions, decimals (``decimal.Decimal`` or text, taken exactly), formulas as text such as
@@ -150,6 +151,11 @@ class RungeKutta(Method):
                 "parameters": list(self.parameters) or None,
                 "digits": self.digits,
                 "domain": "float" if self.domain == "float" else None,
+            }
+            if self.form is not None:
+                data["form"] = self.form.to_dict(lambda row: plain(row, write))
+                return {key: value for key, value in data.items() if value is not None}
+            data |= {
                 "A": [plain(row, write) for row in self.A],
                 "b": plain(self.b, write),
                 "c": plain(self.c, write) if given else None,
@@ -355,10 +361,12 @@ class RungeKutta(Method):
         def substituted(value: Entry, place: str) -> Entry:
             return entries.read_entry(value.xreplace(replacements), place) if entries.is_sympy(value) else value
 
+        if self.form is not None:
+            return self.from_form(self.form.map(substituted), name=self.name, reference=self.reference, warn=False)
         return self._mapped(substituted, nodes=self.c != self.row_sums)
 
     def to_float(self) -> RungeKutta:
-        """The method with every entry rounded to the nearest double.
+        """The method with every entry rounded to the nearest double, as a tableau.
 
         Raises:
             IntegratorError: the tableau has symbols.
@@ -372,7 +380,7 @@ class RungeKutta(Method):
         return self._mapped(lambda value, _: entries.round_entry(value), nodes=True)
 
     def with_digits(self, digits: int | None) -> RungeKutta:
-        """The method with another number of correct digits of its decimals; None if they are exact."""
+        """The tableau with another number of correct digits of its decimals; None if they are exact."""
         labels: Document = {"name": self.name, "reference": self.reference, "warn": False}
         return RungeKutta(self.A, self.b, self.c, embedded=self.embedded, digits=digits, **labels)
 

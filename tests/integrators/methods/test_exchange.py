@@ -41,6 +41,12 @@ def fits(tableau, format):
     }.get(format, True)
 
 
+def is_rounded(tableau, format):
+    """Whether fractions of integers beyond those of doubles, which C has not, are written as doubles."""
+    entries = (x for row in rows(tableau) for x in row if isinstance(x, Fraction))
+    return format in ("sundials", "petsc") and any(x.denominator > 2**53 and 10**100 % x.denominator for x in entries)
+
+
 def rows(tableau):
     return [*tableau.A, tableau.b, tableau.c]
 
@@ -64,7 +70,8 @@ def test_every_tableau_of_the_catalogue_is_read_back(format):
         assert tableau.name in text.splitlines()[0]
         found = read(text)
         assert found == read(text, format)
-        if tableau.domain in ("QQ", "decimal") or (format in KEEP_ROOTS and tableau.stages <= 3):
+        roots = format in KEEP_ROOTS and tableau.stages <= 3
+        if (tableau.domain in ("QQ", "decimal") and not is_rounded(tableau, format)) or roots:
             assert [*map(list, rows(found)[:-1])] == [*map(list, rows(tableau)[:-1])]
             assert found.c == (tableau.row_sums if format == "nodepy" else tableau.c)  # nodepy has no nodes
             kept = () if format in HOLD_NO_PAIRS else tableau.embedded[:1]
