@@ -1,4 +1,4 @@
-"""Methods of sources that are no tableaus: splitting methods, compositions, Nyström and Rosenbrock methods."""
+"""Methods of sources that are no tableaus: splitting, Nyström and Rosenbrock methods, and forms in few registers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from fractions import Fraction
 from itertools import combinations, pairwise, zip_longest
 from typing import Any
 
+from bseries.analysis.rounding import LEAST_DIGITS
 from bseries.auditing.corrections import Correction, reached
 from bseries.auditing.written import as_decimal, digits_of
+from integrators import RungeKutta
 from integrators.methods.exchange.numbers import Number
 from integrators.methods.exchange.records import Record
 from integrators.methods.exchange.shapes import flattened
@@ -152,10 +154,59 @@ def _rosenbrock(tables: Tables, digits: int | None) -> Iterator[Method]:
         yield Rosenbrock.from_transformed(A, tables["C"], weights, gamma, digits=digits)
 
 
+def _two_registers(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """Williamson's form 2N; other forms with the same letters have a first entry."""
+    if not tables["A"][0]:
+        yield RungeKutta.from_2n(tables["A"], tables["B"], digits=digits, warn=False)
+
+
+def _three_registers(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """Ketcheson's form 3S*, with or without the factors of the first stage, and with an entry before the first one."""
+    gamma1, gamma2, gamma3, beta, delta = (
+        next((tables[n] for n in (f"{name}2end", name) if n in tables), []) for name in _letters(tables)
+    )
+    digits = digits and max(LEAST_DIGITS, digits - LOST_DIGITS)
+    first = tables.get("β", beta)[:1] if len(beta) == len(gamma1) and "β2end" in tables else []
+    if first:  # entries from the second stage on
+        rows = [[0, 1, 0], *zip(gamma1, gamma2, gamma3, strict=True)]
+        yield RungeKutta.from_3s_star(rows, [*first, *beta], [1, *delta], digits=digits, warn=False)
+    else:
+        extra = len(gamma1) - len(delta)
+        rows = [*zip(gamma1, gamma2, gamma3, strict=True)][extra:]
+        yield RungeKutta.from_3s_star(rows, beta[extra:], delta, digits=digits, warn=False)
+
+
+LOST_DIGITS = 4
+"""Factors of three registers that are rounded leave y_n with a weight that is 1 to fewer digits."""
+
+
+def _letters(tables: Tables) -> tuple[str, ...]:
+    """The names of the factors of three registers, of slopes, and of sums."""
+    if "gamma1" in tables:
+        return "gamma1", "gamma2", "gamma3", "beta", "delta"
+    return "γ1", "γ2", "γ3", "β", "δ"
+
+
+def _shu_osher(tables: Tables, digits: int | None) -> Iterator[Method]:
+    """A Shu–Osher form; the first stage may be left out, and the factor 1 of the stage before."""
+    alpha, beta = ([list(row) for row in tables[name]] for name in ("alpha", "beta"))
+    if any(alpha[0]):
+        alpha, beta = [[], *alpha], [[], *beta]
+    size = len(alpha) - 1
+    alpha, beta = ([(row + [Fraction(0)] * size)[:size] for row in table] for table in (alpha, beta))
+    for i, row in enumerate(alpha[1:]):
+        if not any(row):
+            row[i] = Fraction(1)
+    yield RungeKutta.from_shu_osher(alpha, beta, digits=digits, warn=False)
+
+
 KINDS: dict[str, Callable[[Tables, int | None], Iterator[Method]]] = {
     "splitting": _splittings,
     "composition": _compositions,
     "symmetric-composition": _symmetric_compositions,
     "nystrom": _nystrom,
     "rosenbrock": _rosenbrock,
+    "2n": _two_registers,
+    "2s": _three_registers,
+    "shu-osher": _shu_osher,
 }

@@ -537,7 +537,7 @@ class Group:
         """The name of the method of a table: what it says of itself, the stem of its own name, or that of its block."""
         tail = name.rpartition(".")[2]
         stem = re.sub(r"_?(?:A|a|a_lower|Gamma|C)(?:_?(?:hat|\w))?$", "", tail)
-        if re.match("alpha|gamma|γ|α|a_lower|method$|half$", tail):
+        if re.match("alpha|gamma|γ|α|a_lower|method$|half$|B1$", tail):
             stem = ""
         if len(stem.strip("_")) > 1 and not self.block.stages:
             return stem.strip("_")

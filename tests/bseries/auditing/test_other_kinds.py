@@ -108,3 +108,26 @@ def test_exact_numbers_without_a_claim_have_their_exact_order():
     claimed = audited("order = 4\n" + text, "rk.jl")
     assert (claimed.order, claimed.findings) == (4, ())
     assert claimed.digits == 8
+
+
+SOURCES = {
+    "williamson.jl": ("williamson3", "A = [0, -5//9, -153//128]\nB = [1//3, 15//16, 8//15]\n"),
+    "ssprk.py": (
+        "ssprk33",
+        "alpha = [[0, 0, 0], [1, 0, 0], [3/4, 1/4, 0], [1/3, 0, 2/3]]\n"
+        "beta = [[0, 0, 0], [1, 0, 0], [0, 1/4, 0], [0, 0, 2/3]]\n",
+    ),
+    "short.py": (
+        "ssprk33",
+        "alpha10 = 1\nalpha20 = 3/4\nalpha21 = 1/4\nalpha30 = 1/3\nalpha32 = 2/3\nbeta10 = 1\nbeta21 = 1/4\nbeta32 = 2/3\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_forms_in_few_registers_are_proved(name):
+    method, text = SOURCES[name]
+    found = audited(text, name)
+    assert found.order == bs.order_of(method) == 3
+    wrong = audited(text.replace("8//15", "7//15").replace("2/3", "3/5"), name)
+    assert wrong.order < 3
