@@ -18,7 +18,7 @@ Sources: TypeAlias = str | PathLike[str] | Iterable[str | PathLike[str]] | Mappi
 
 SUFFIXES = (
     *(".c", ".cc", ".cpp", ".cxx", ".def", ".h", ".hpp", ".jl", ".py", ".f", ".f90", ".f95", ".f03", ".f08", ".for"),
-    *(".m", ".wl", ".nb", ".json", ".toml"),
+    *(".m", ".wl", ".nb", ".json", ".toml", ".csv", ".tex"),
 )
 """Files of a folder that are read."""
 

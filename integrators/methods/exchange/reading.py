@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from os import PathLike, fspath
+from pathlib import PurePath
 
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
@@ -10,6 +11,7 @@ from integrators.methods.exchange.assignments import Assignments
 from integrators.methods.exchange.groups import Group
 from integrators.methods.exchange.records import Reading, Record
 from integrators.methods.exchange.tokens import LANGUAGES, MOST_UNCLOSED, Source, language_of
+from integrators.methods.exchange.typeset import rewritten
 
 
 def read_tableaus(source: str | PathLike[str], language: str | None = None, name: str | None = None) -> Reading:
@@ -18,7 +20,7 @@ def read_tableaus(source: str | PathLike[str], language: str | None = None, name
     Args:
         source: The text, or a path to it.
         language: One of c, julia, python, fortran, matlab and mathematica; by default that of the suffix of the path,
-            or of the brackets in the text.
+            or of the brackets in the text. Arrays of LaTeX and rows of CSV are read as tableaus, too.
         name: The name of the source in messages; by default that of the file.
 
     Returns:
@@ -36,8 +38,9 @@ def read_tableaus(source: str | PathLike[str], language: str | None = None, name
     text = read_text(path)[0] if path else str(source)
     if language is not None and language not in LANGUAGES:
         raise IntegratorError(f"language must be one of {', '.join(LANGUAGES)}, but was {language!r}")
-    chosen = LANGUAGES[language] if language else language_of(text, path)
-    return Finder(Source(text, chosen, name or path or "text")).reading()
+    typeset = None if language else rewritten(text, PurePath(path or name or "").suffix.lower())
+    chosen = LANGUAGES[language] if language else LANGUAGES["julia"] if typeset else language_of(text, path)
+    return Finder(Source(typeset or text, chosen, name or path or "text")).reading()
 
 
 class Finder:

@@ -119,7 +119,8 @@ SOURCES = {
     ),
     "short.py": (
         "ssprk33",
-        "alpha10 = 1\nalpha20 = 3/4\nalpha21 = 1/4\nalpha30 = 1/3\nalpha32 = 2/3\nbeta10 = 1\nbeta21 = 1/4\nbeta32 = 2/3\n",
+        "alpha10 = 1\nalpha20 = 3/4\nalpha21 = 1/4\nalpha30 = 1/3\nalpha32 = 2/3\n"
+        "beta10 = 1\nbeta21 = 1/4\nbeta32 = 2/3\n",
     ),
 }
 
