@@ -31,6 +31,7 @@ from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES, block_names
 from bseries.exceptions import SeriesError
+from bseries_base.errors import as_sentence
 from bseries_base.numbers import latex_number, number_text
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
@@ -435,6 +436,6 @@ def _notes(report: Report) -> Iterator[str]:
     undecided: dict[str, str] = report.stability.get("undecided", {})
     for reason in dict.fromkeys(undecided.values()):
         facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
-        yield f"Not decided: {facts}: {reason}."
+        yield as_sentence(f"Not decided: {facts}: {reason}")
     for issue in report.method.issues:
         yield f"Warning: {issue}."

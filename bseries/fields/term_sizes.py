@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_trees import SeriesOnScene
 from bseries_base.diagrams import draw_legend
+from bseries_base.errors import warn_user
 from bseries_base.plotting import BLUE, VERMILION, drawing
 from integrators.runs.titles import write_title
 
@@ -214,13 +214,13 @@ class Reach(NamedTuple):
         }
 
 
-def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
+def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str) -> None:
     """Warn that a series is evaluated beyond its optimum at some rows of `states`, of which a few are looked at."""
     chosen = states[:: max(1, -(-len(states) // MOST_CHECKED))]
     found = [Reach(label, h, norms) for norms in term_norms(f, chosen) if all(map(math.isfinite, norms))]
     worst = min((each for each in found if each.is_beyond), key=lambda each: each.largest_step, default=None)
     if worst is not None:
-        warnings.warn(f"{label} {too_long(worst)}", TruncationWarning, stacklevel=stacklevel)
+        warn_user(f"{label} {too_long(worst)}", TruncationWarning)
 
 
 def too_long(found: Reach) -> str:

@@ -6,7 +6,6 @@ import hashlib
 import os
 import pickle
 import sys
-import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager, suppress
@@ -19,11 +18,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bseries_base.children import Children, end_with_parent, safe_path, start_tracker
-from bseries_base.errors import shorten
+from bseries_base.errors import shorten, warn_user
 from bseries_base.extras import loaded_module, optional_module
 from bseries_base.interrupts import mapped, uninterrupted
 from bseries_base.memory import refuse_beyond_memory
-from integrators.core.arguments import check_end, read_array, read_whole
+from integrators.core.arguments import check_end, check_progress, read_array, read_whole
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
@@ -219,7 +218,7 @@ def ensemble(
     executor: Executor | str = "threads",
     workers: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> EnsembleResult:
     """Integrate a scene from many starts, and return statistics of the observed quantities.
 
@@ -298,8 +297,9 @@ def ensemble(
     if executor != "threads" and not isinstance(executor, ThreadPoolExecutor):
         _ = work.packed  # refused here if it cannot be pickled
     folder = None if checkpoint is None else block_folder(checkpoint, same)
+    show = check_progress(progress)
     compute = partial(results_in_order, executor, workers, Members.block, stop=work.stop)
-    with closing(_blocks(work, starts, count, folder, compute, progress)) as blocks:
+    with closing(_blocks(work, starts, count, folder, compute, show)) as blocks:
         whole = merged_blocks(blocks)
     t = work.t0 + work.h * work.step_numbers
     result = EnsembleResult(t, observer.names, whole, description(compiled, observer, options))
@@ -307,7 +307,7 @@ def ensemble(
         for k in np.flatnonzero((result.count > 0) & ~np.isfinite(mean))[:1]:
             at = f"the mean over members was {mean[k]} at t = {t[k]:g}"
             message = f"{name} must be finite at the states that are observed, but {at}"
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
+            warn_user(message, RuntimeWarning)
     return result
 
 
@@ -384,7 +384,7 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 def _blocks(
     work: Members, starts: np.ndarray | None, count: int, folder: str | None,
     compute: Callable[[Sequence[tuple[object, ...]]], Generator[Block, None, None]],
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
 ) -> Generator[Block, None, None]:  # fmt: skip
     """All blocks in order; their size, a power of two, depends on `count` alone."""
     size = 1 << (-(-count // BLOCKS) - 1).bit_length()

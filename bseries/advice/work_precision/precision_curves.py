@@ -25,7 +25,7 @@ from bseries.advice.work_precision.sweeps import (
     timed_curves,
 )
 from bseries_base.diagrams import MARKERS, draw_legend, line_style
-from bseries_base.errors import shorten
+from bseries_base.errors import as_sentence, shorten
 from bseries_base.plotting import drawing, new_figure, print_style
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import check_progress
@@ -202,7 +202,7 @@ class WorkPrecision:
             for error, choice in choices.items()
         ]
         advice = (_advice(error, choice) for error, choice in choices.items())
-        left_out = (f"Left out: {name}: {reason}." for name, reason in self.left_out.items())
+        left_out = (as_sentence(f"Left out: {name}: {reason}") for name, reason in self.left_out.items())
         return Table(
             f"{self.title}: CPU time against the error of the {measure}",
             [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
@@ -231,7 +231,7 @@ def work_precision(
     errors: tuple[float, float] = (1e-3, 1e-12),
     measure: str = "all",
     budget: float = BUDGET,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> WorkPrecision:
     """Errors and CPU times of methods on a scene, from its start, for a range of step sizes.
 
@@ -272,7 +272,6 @@ def work_precision(
     _ = scene.y0  # refuses a scene without a start before compilation
     loosest, finest = check_errors(errors)
     limit = read_positive(budget, "budget")
-    check_progress(progress)
     measures = MEASURES if measure == "all" else (check_measure(measure),)
     if SOLUTION not in measures and not scene.is_hamiltonian:
         problem = "energy cannot: it has no energy that is conserved"
@@ -285,7 +284,7 @@ def work_precision(
         )
     chosen, left_out = candidates(scene, methods)
     total = 2 * len(chosen)
-    report = progress or (lambda done, total: None)
+    report = check_progress(progress) or (lambda done, total: None)
     for k, candidate in enumerate(chosen):
         report(k, total)
         steps = stepper(candidate.method, scene, solver=candidate.solver)
@@ -370,7 +369,7 @@ def _advice(error: float, choice: Recommendation | str) -> str:
     """The recommendation for an error, in a sentence."""
     wanted = next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)
     if isinstance(choice, str):
-        return f"Error {wanted}: {choice}."
+        return as_sentence(f"Error {wanted}: {choice}")
     others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
     return (
         f"Error {wanted}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
