@@ -7,8 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from bseries_base.plotting import apart_from_pyplot
+
 # With the tests' other caches, not with the user's.
 os.environ.setdefault("BSERIES_CACHE", str(Path(__file__).parent / ".pytest_cache" / "generated"))
+
+
+@pytest.fixture(autouse=True)
+def plots_are_new():
+    """Plots do not share pyplot's current axes, which other tests may have left."""
+    with apart_from_pyplot():
+        yield
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]):

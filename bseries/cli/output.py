@@ -235,8 +235,10 @@ class PlotFile(NamedTuple):
         """Draw and write the picture, if one is wanted; the file appears when it is complete."""
         if self.path is not None:
             from bseries.picture_files import save_picture
+            from bseries_base.plotting import apart_from_pyplot
 
-            drawn: Any = draw()
+            with apart_from_pyplot():
+                drawn: Any = draw()
             save_picture(self.path, getattr(drawn, "figure", None) or drawn)
 
 

@@ -281,7 +281,7 @@ class ModifiedHamiltonian:
         sets, through the scene's start, which the title gives.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             h: The step size.
             run: A run of the method, whose states are drawn as points.
             x: The variable across; by default the first position.

@@ -250,7 +250,7 @@ class EffectReport(NamedTuple):
         Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
 
         Raises:
             SeriesError: `ax` is no axes.

@@ -142,7 +142,7 @@ class WorkPrecision:
         """The work–precision diagram: CPU time against error, strong curves for methods that are cheapest somewhere.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             measure: The name of the error; by default the first of `measures`.
 
         Raises:
