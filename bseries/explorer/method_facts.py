@@ -107,7 +107,7 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
         tuple(method.issues),
         nodes,
         tuple(_row(term, names) for term in series.terms()),
-        table.to_latex().strip(),
+        series.to_latex(),
         table.to_json(),
         tuple(table.notes),
     )
