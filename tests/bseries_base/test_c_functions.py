@@ -26,6 +26,8 @@ from integrators.core.immutable import cached_method
 from integrators.runs.observers import observer_codes
 from integrators.steppers import stepping
 
+pytestmark = pytest.mark.minimum
+
 ROOT = Path(__file__).parents[2]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="owners and modes of POSIX")
 ROOT_ONLY = pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root gives files away")

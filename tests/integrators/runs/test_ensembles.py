@@ -22,6 +22,8 @@ from integrators.runs.ensembles import Members, cluster_executor, ensemble, memb
 from integrators.runs.integration import integrate
 from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
+pytestmark = pytest.mark.minimum
+
 ATOMS = scene("lennard-jones", particles=3)
 PENDULUM = scene("pendulum")
 RICCATI = Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]})
