@@ -203,7 +203,8 @@ def ensemble(
     y0: object = None,
     sample: Callable[[np.random.Generator], object] | None = None,
     members: int | None = None,
-    seed: int = 0,
+    rng: np.random.Generator | int | None = 0,
+    seed: int | None = None,
     t0: float = 0.0,
     observe: object = "energy",
     observe_every: int | None = None,
@@ -230,9 +231,11 @@ def ensemble(
         span: The length of time instead of `steps`; the last step may end later.
         y0: The starts, (members, variables), unless `sample` is given.
         sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
-            `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
+            `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(rng).spawn(…)[k]``.
         members: The number of members; required with `sample`.
-        seed: The seed of the random numbers, 0 or more.
+        rng: The seed of the random numbers, 0 or more; a NumPy generator that draws it; or None for one of the moment.
+            The results keep it.
+        seed: Another name of `rng`.
         observe: Quantities, as for `integrate`.
         observe_every: Steps between observations; by default there are about a thousand. The start and the last step
             are always observed.
@@ -287,7 +290,7 @@ def ensemble(
     starts, count = _starts(y0, sample, members, scene.dimension)
     work = Members(
         scene, compiled.method, origin.h, steps, origin.t0, {"parts": parts, **numerics}, observer, every,
-        _changes(change, observer.names), sample, _whole(seed, "seed", 0), _whole(keep, "keep", 0), bool(final),
+        _changes(change, observer.names), sample, _read_seed(rng, seed), _whole(keep, "keep", 0), bool(final),
     )  # fmt: skip
     _check_memory(work, count)
     options = {"h": work.h, "t0": work.t0, "steps": steps, "observe_every": every, **numerics, "members": count}
@@ -309,6 +312,15 @@ def ensemble(
             message = f"{name} must be finite at the states that are observed, but {at}"
             warn_user(message, RuntimeWarning)
     return result
+
+
+def _read_seed(rng: object, seed: object) -> int:
+    """The seed of the members, from what SPEC 7 of Scientific Python allows, or by its older name."""
+    if seed is not None:
+        return _whole(seed, "seed", 0)
+    if rng is None or isinstance(rng, np.random.Generator):
+        return int(np.random.default_rng(rng).integers(2**63))
+    return _whole(rng, "rng", 0)
 
 
 def _starts(y0: object, sample: object, members: object, dimension: int) -> tuple[np.ndarray | None, int]:

@@ -104,7 +104,7 @@ def simulate_ensemble(
     with pool as executor:
         try:
             result = ensemble(
-                method, scene, sample=sample, members=members, seed=many["seed"], change=many["change"],
+                method, scene, sample=sample, members=members, rng=many["seed"], change=many["change"],
                 keep=many["keep"], final=True, executor=executor, workers=workers, progress=watch, **options,
             )  # fmt: skip
         except KeyboardInterrupt:
