@@ -67,6 +67,23 @@ def test_copied_examples_are_their_commands_without_prompts():
     assert not re.match(prompt, "...")
 
 
+FIRST_TASKS = ROOT / "docs" / "howto" / "first-tasks.md"
+TASKS = re.findall(r"^## (.*?)$.*?^```python\n(.*?)^```", FIRST_TASKS.read_text(encoding="utf-8"), re.M | re.S)
+
+
+def test_there_are_five_tasks_of_ten_lines():
+    assert len(TASKS) == 5
+    for title, text in TASKS:
+        assert 4 <= sum(line.startswith((">>> ", "... ")) for line in text.splitlines()) <= 10, title
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(("title", "text"), TASKS, ids=[title for title, _ in TASKS])
+def test_each_task_stands_alone(title, text):
+    test = doctest.DocTestParser().get_doctest(text, {}, title, None, None)
+    assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test).failed == 0
+
+
 def test_a_wrong_output_would_be_noticed():
     assert re.fullmatch(pattern("a\n…\nc\n"), "a\nb\nb\nc\n")
     assert not re.fullmatch(pattern("a\n…\nc\n"), "a\nb\nb\n")
