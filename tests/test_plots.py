@@ -286,6 +286,25 @@ def test_work_precision_names_every_method_beside_the_panel():
         assert set(zip(*line.get_data(), strict=True)) <= set(curve.front(found.measures[0]))
 
 
+def test_work_precision_against_evaluations_of_f():
+    """Four for each step of rk4, and one for each of leapfrog, which keeps the last one; none are known of gauss2."""
+    found = bs.work_precision(["rk4", "leapfrog", "gauss2"], "pendulum", span=5, errors=(1e-2, 1e-4))
+    axes = found.plot(measure="solution", against="evaluations")
+    assert axes.get_ylabel() == "evaluations of f"
+    curves = lines(axes)
+    assert set(curves) == {"rk4", "leapfrog"}
+    for curve, each in zip(found.curves, (4, 1), strict=False):
+        runs = {row.errors.solution: float(each * row.steps) for row in curve.rows}
+        drawn_points = dict(zip(*curves[curve.candidate.name].tolist(), strict=True))
+        assert drawn_points.items() <= runs.items()
+    table = found.to_table().records.rows  # pyright: ignore[reportOptionalMemberAccess]
+    assert {row["method"]: row["evaluations"] and row["evaluations"] // row["steps"] for row in table} == {
+        "rk4": 4, "leapfrog": 1, "gauss2": None,
+    }  # fmt: skip
+    with pytest.raises(bs.IntegratorError, match="against must be one of seconds, evaluations, but was 'x'"):
+        found.plot(against="x")
+
+
 def test_effects_draw_bars_of_the_times_measured():
     costs = EXAMPLES["EffectCosts"]()
     widths = [bar.get_width() for bar in costs.plot().patches]
