@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import linecache
-import math
 import warnings
 from fractions import Fraction
 
@@ -152,8 +151,17 @@ def test_sentences_that_ask_have_one_mark():
     assert as_sentence(ValueError("no")) == "no."
 
 
-def test_work_precision_and_ensembles_take_progress_true(capsys):
-    starts = [[0, 1], [0, 2]]
-    bs.ensemble("rk4", "pendulum", h=0.1, steps=5, y0=starts, progress=True)
+WAITING = {
+    "ensemble": lambda **show: bs.ensemble("rk4", "pendulum", h=0.1, steps=5, y0=[[0, 1], [0, 2]], **show),
+    "shadow_energy": lambda **show: bs.shadow_energy(bs.integrate("leapfrog", "pendulum", h=0.1, steps=99), **show),
+    "effect_influence": lambda **show: bs.effect_influence("rk4", "pendulum", h=0.1, span=3, **show),
+    "work_precision": lambda **show: bs.work_precision("rk4", "pendulum", span=3, errors=(1e-2, 1e-3), **show),
+}
+
+
+@pytest.mark.parametrize("name", WAITING)
+def test_all_that_takes_long_takes_progress_true(capsys, name):
+    WAITING[name](progress=True)
     assert capsys.readouterr().err.endswith("100%\n")
-    assert math.isfinite(bs.ensemble("rk4", "pendulum", h=0.1, steps=5, y0=starts).mean["energy"][-1])
+    WAITING[name](progress=False)
+    assert capsys.readouterr().err == ""

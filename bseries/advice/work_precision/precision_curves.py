@@ -308,6 +308,7 @@ def work_precision(
     for k, candidate in enumerate(chosen):
         report(len(chosen) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
+    report(total, total)
     return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
