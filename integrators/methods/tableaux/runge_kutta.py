@@ -403,7 +403,7 @@ def _read_tableau(
     if not 1 <= stages <= MAX_STAGES:
         size = f"at most {MAX_STAGES} rows, but has {stages}" if stages else "at least one row, but was empty"
         raise IntegratorError(f"A must have {size}")
-    if all(len(row) == i for i, row in enumerate(raw)):  # the rows of explicit methods as SciPy and books write them
+    if stages > 1 and all(len(row) == i for i, row in enumerate(raw)):  # explicit rows, as books write them
         raw = [row + [0] * (stages - len(row)) for row in raw]
     first = len(raw[0])
     for i, row in enumerate(raw, 1):
