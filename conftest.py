@@ -7,12 +7,24 @@ from pathlib import Path
 
 import pytest
 
+from bseries_base.plotting import apart_from_pyplot
+
 # With the tests' other caches, not with the user's.
 os.environ.setdefault("BSERIES_CACHE", str(Path(__file__).parent / ".pytest_cache" / "generated"))
 
 
+@pytest.fixture(autouse=True)
+def plots_are_new():
+    """Plots do not share pyplot's current axes, which other tests may have left."""
+    with apart_from_pyplot():
+        yield
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]):
-    """Examples of public things run in an empty namespace, as where a reader pastes them."""
+    """Examples of public things run in an empty namespace, as where a reader pastes them; with old dependencies too."""
+    for item in items:
+        if isinstance(item, pytest.DoctestItem) and item.path.suffix == ".py":
+            item.add_marker("minimum")
     tests = [item.dtest for item in items if isinstance(item, pytest.DoctestItem) and item.dtest]
     tests = [test for test in tests if "__name__" in test.globs]
     if not tests:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bseries_base.formulas import formula_text
+from bseries_base.numbers import broken_sum
 from bseries_base.table import Column, Table
 from integrators.exact.arithmetic import FLOATS
 from integrators.scenes.scene import latex_formula
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from integrators import Scene
 
-LINE = 120
-"""Characters of LaTeX on a line of an equation."""
 MOST_VARIABLES = 12
 SHORT = 1_000
 """Displays write formulas out on scenes of at most so many variables, and stop after this many characters."""
@@ -104,7 +103,7 @@ def align(rows: Iterable[tuple[str, Sequence[str]]], first: int, last: int, *, r
     equations = []
     for left, summands in rows:
         start = [r"\cdots"] if first else [] if summands else ["0"]
-        equations.append(f"{left} &= {_broken([*start, *summands, rest])}")
+        equations.append(f"{left} &= {broken_sum([*start, *summands, rest])}")
     equations += [f"&\\quad \\text{{{remark}}}"] if remark else []
     return "\n".join([r"\begin{align*}", " \\\\\n".join(equations), r"\end{align*}"]) + "\n"
 
@@ -120,18 +119,6 @@ def _summand(k: int, formula: sympy.Expr, scene: Scene) -> str:
     sign = "- " if text.startswith("-") else ""
     factor = text.removeprefix("-").lstrip()
     return sign + (h if factor == "1" else f"{h}\\, {factor}")
-
-
-def _broken(summands: Sequence[str]) -> str:
-    """A sum on as many lines as it takes."""
-    signed = [text if k == 0 or text.startswith("- ") else f"+ {text}" for k, text in enumerate(summands)]
-    lines = signed[:1]
-    for text in signed[1:]:
-        if len(lines[-1]) + len(text) > LINE:
-            lines.append(text)
-        else:
-            lines[-1] += f" {text}"
-    return " \\\\\n&\\quad ".join(lines)
 
 
 def power_table(title: str, terms: Sequence[sympy.Expr], first: int, data: Callable[[], dict[str, Any]]) -> Table:

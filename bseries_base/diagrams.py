@@ -40,6 +40,19 @@ def line_style(k: int) -> Style:
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
 
 
+def of_line(style: Style, **usual: Any) -> Style:
+    """The properties of a line: the usual ones, and those that a user gives by names or short names of matplotlib.
+
+    Example:
+        >>> of_line({"lw": 2}, linewidth=1, color="red")
+        {'linewidth': 2, 'color': 'red'}
+    """
+    from matplotlib.cbook import normalize_kwargs
+    from matplotlib.lines import Line2D
+
+    return usual | normalize_kwargs(style, Line2D)
+
+
 def draw_curves(
     ax: Axes,
     x: ArrayLike,
@@ -51,10 +64,10 @@ def draw_curves(
 ) -> None:
     """Draw curves over x, or only their points, after `first` others; with a legend if there are several."""
     for k, (name, y) in enumerate(curves.items(), first):
-        own = line_style(k) | style
+        own = line_style(k)
         if points:
             own |= {"linestyle": "none", "marker": MARKERS[k % len(MARKERS)], "markersize": 1.5}
-        ax.plot(x, y, label=name, rasterized=len(y) > MANY, **own)
+        ax.plot(x, y, **of_line(style, label=name, rasterized=len(y) > MANY, **own))
     if first + len(curves) > 1:
         draw_legend(ax)
 

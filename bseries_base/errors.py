@@ -1,8 +1,11 @@
 """The base class of the errors of all packages, and the parts of their messages."""
 
+import warnings
 from collections.abc import Iterable
 from numbers import Rational
+from sys import _getframe
 
+PACKAGES = ("bseries", "integrators", "trees", "bseries_base")
 MOST = 1000
 """Characters of a sentence; a longer one loses its middle."""
 
@@ -72,3 +75,22 @@ def not_one_of(known: Iterable[str], argument: str, name: object) -> str:
     """
     names = list(known)
     return f"{argument} must be one of {', '.join(names)}, but was {name!r:.60}{suggestion(str(name), names)}"
+
+
+def as_sentence(message: object) -> str:
+    """A message with the full stop that an error does without; questions have their mark.
+
+    Example:
+        >>> as_sentence("h must be positive, but was -1"), as_sentence("did you mean kepler?")
+        ('h must be positive, but was -1.', 'did you mean kepler?')
+    """
+    text = str(message)
+    return text if text.endswith("?") else f"{text}."
+
+
+def warn_user(message: str, category: type[Warning]) -> None:
+    """Warn at the line that called these packages, however deep below it the reason was found."""
+    level, frame = 2, _getframe(1)
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in PACKAGES:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, category, stacklevel=level)

@@ -10,8 +10,9 @@ cache is
 - the user's own: ``$XDG_CACHE_HOME/bseries-engine`` or ``~/.cache/bseries-engine``, ``~/Library/Caches/bseries-engine``
   on macOS, ``%LOCALAPPDATA%\\bseries-engine`` on Windows.
 
-It may be deleted at any time; missing or damaged files are made again. Old files are never removed. Code stays in
-memory where nothing can be written, and, with a warning, where others can write or the disk is full.
+It may be deleted at any time; missing or damaged files are made again. Files that were not used for longest are removed
+where all have more than `MOST_BYTES`. Code stays in memory where nothing can be written, and, with a warning, where
+others can write or the disk is full.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
+from time import time
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -44,6 +46,13 @@ if TYPE_CHECKING:
 PACKAGE = "bseries-engine"
 UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EEXIST}
 """Errors of a place without write access, or of a file that another process has just written."""
+MOST_BYTES = 2**30
+"""Of the cache: some ten thousand files."""
+KEPT = 0.75
+"""The part of it that pruning leaves."""
+DAY = 86_400.0
+"""Seconds after which a file that is read is marked as used."""
+SUFFIX = ".code"
 CHECKSUM = 32
 """Bytes of SHA-256."""
 _compiling: set[object] = set()
@@ -311,7 +320,7 @@ def _version_of_numba() -> bytes | str:
 
 def _name(parts: Iterable[bytes]) -> str:
     """The name of the file for everything that code depends on."""
-    return sha256(b"".join(sha256(part).digest() for part in parts)).hexdigest() + ".code"
+    return sha256(b"".join(sha256(part).digest() for part in parts)).hexdigest() + SUFFIX
 
 
 def _read(path: Path | None) -> bytes | None:
@@ -320,8 +329,12 @@ def _read(path: Path | None) -> bytes | None:
         return None
     try:
         with open(path, "rb") as file:
-            if not _is_own(os.fstat(file.fileno())):
+            state = os.fstat(file.fileno())
+            if not _is_own(state):
                 return None
+            if time() - state.st_mtime > DAY:
+                with suppress(OSError):  # of others, or in a place that can only be read
+                    os.utime(path)
             checksum, content = file.read(CHECKSUM), file.read()
     except OSError:
         return None
@@ -339,6 +352,7 @@ def _keep(path: Path, content: bytes) -> None:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_private(path.parent):
             _write(path, _checksum(path, content) + content)
+            _prune(path.parent)
     except OSError as error:
         if error.errno not in UNWRITABLE:
             _warn(f"the cache {path.parent} cannot be written ({error.strerror})")
@@ -356,6 +370,30 @@ def _write(path: Path, content: bytes) -> None:
         with suppress(OSError):
             path.unlink()
         raise
+
+
+@cache
+def _prune(directory: Path) -> None:
+    """Remove the files that were used longest ago, if all are too large; once in a process, after it compiles.
+
+    Other processes keep what they have loaded, and compile what they miss.
+    """
+    files = []
+    with os.scandir(directory) as entries:
+        for entry in entries:
+            if entry.name.endswith(SUFFIX) and len(entry.name) == 2 * CHECKSUM + len(SUFFIX):
+                with suppress(OSError):  # another process has removed it
+                    state = entry.stat(follow_symlinks=False)
+                    files.append((state.st_mtime, state.st_size, entry.path))
+    total = sum(size for _, size, _ in files)
+    if total <= MOST_BYTES:
+        return
+    for _, size, path in sorted(files):
+        if total <= KEPT * MOST_BYTES:
+            break
+        total -= size
+        with suppress(OSError):
+            os.unlink(path)
 
 
 def _is_private(directory: Path) -> bool:

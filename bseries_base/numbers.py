@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from decimal import Context, Decimal
 from fractions import Fraction
 from typing import SupportsFloat
@@ -41,6 +42,27 @@ def latex_number(value: object, digits: int | None = None, *, is_zero: bool = Fa
     import sympy
 
     return sympy.latex(value)
+
+
+LINE = 120
+"""The length of lines of LaTeX."""
+
+
+def broken_sum(summands: Sequence[str]) -> str:
+    r"""A sum on as many lines of an align as it takes; summands may begin with a minus sign.
+
+    Example:
+        >>> print(broken_sum(["f", "- h g", "h^{2} k"]))
+        f - h g + h^{2} k
+    """
+    lines = list(summands[:1])
+    for text in summands[1:]:
+        signed = f"- {text.removeprefix('-').lstrip()}" if text.startswith("-") else f"+ {text}"
+        if len(lines[-1]) + len(signed) > LINE:
+            lines.append(signed)
+        else:
+            lines[-1] += f" {signed}"
+    return " \\\\\n&\\quad ".join(lines)
 
 
 def finite_or_none(value: SupportsFloat) -> float | None:

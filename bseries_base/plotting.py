@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from functools import cache
+from contextvars import ContextVar
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from bseries_base.extras import optional_module
+from bseries_base.extras import loaded_module, optional_module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +43,7 @@ def _print_figure() -> type[Figure]:
     class PrintFigure(Figure):
         """A matplotlib figure that notebooks show with its caption, saved with the settings of this file."""
 
+        __qualname__ = "PrintFigure"  # by which pickle finds the class
         caption: str = ""
 
         def savefig(self, fname: Any, **options: Any) -> None:
@@ -49,14 +51,16 @@ def _print_figure() -> type[Figure]:
             with print_style():
                 super().savefig(fname, **options)
 
-        def _repr_png_(self) -> bytes:
-            return picture(self, "png")
+        def _repr_png_(self) -> bytes | None:
+            return picture(self, "png") if self.canvas.manager is None else None  # pyplot shows its own figures
 
-        def _repr_html_(self) -> str:
+        def _repr_html_(self) -> str | None:
             from base64 import b64encode
             from html import escape
 
-            data, width = b64encode(self._repr_png_()).decode(), round(self.get_figwidth() * PIXELS)
+            if (png := self._repr_png_()) is None:
+                return None
+            data, width = b64encode(png).decode(), round(self.get_figwidth() * PIXELS)
             image = f'<img alt="" width="{width}" src="data:image/png;base64,{data}"/>'
             caption = f"<figcaption>{escape(self.caption, quote=False)}</figcaption>" if self.caption else ""
             return f'<figure style="max-width: {width}px">{image}{caption}</figure>'
@@ -72,11 +76,34 @@ def _print_axes() -> type[Axes]:
     class PrintAxes(Axes):
         """Axes of a print figure."""
 
-        def _repr_html_(self) -> str:
+        __qualname__ = "PrintAxes"
+
+        def _repr_html_(self) -> str | None:
             figure: Any = self.figure
             return figure._repr_html_()
 
     return PrintAxes
+
+
+def __getattr__(name: str) -> type[Figure] | type[Axes]:
+    """The classes of figures and axes, which are created on first use."""
+    make = {"PrintFigure": _print_figure, "PrintAxes": _print_axes}.get(name)
+    if make is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return make()
+
+
+_apart: ContextVar[bool] = ContextVar("apart", default=False)
+
+
+@contextmanager
+def apart_from_pyplot() -> Iterator[None]:
+    """Figures that are drawn in this context are new, whatever pyplot's current axes are."""
+    token = _apart.set(True)
+    try:
+        yield
+    finally:
+        _apart.reset(token)
 
 
 PALETTE = ("#000000", "#ffffff", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
@@ -125,9 +152,11 @@ def print_style() -> AbstractContextManager[None]:
     return style.context(["default", SETTINGS])
 
 
-def new_figure(size: tuple[float, float], caption: str = "") -> Figure:
-    """An empty figure with a size in centimetres, and its caption in notebooks."""
-    figure: Any = _print_figure()(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
+def new_figure(size: tuple[float, float], caption: str = "", pyplot: Any = None) -> Figure:
+    """An empty figure with a size in centimetres, and its caption in notebooks; with `pyplot` it is its current one."""
+    kind: Any = _print_figure()
+    make = kind if pyplot is None else partial(pyplot.figure, FigureClass=kind)
+    figure = make(figsize=(size[0] * CENTIMETRE, size[1] * CENTIMETRE), layout="constrained")
     figure.caption = caption
     return figure
 
@@ -140,10 +169,10 @@ SIZE = (12.0, 7.5)
 def drawing(
     ax: Axes | None, refusal: type[Exception], size: tuple[float, float] = SIZE, *, frame: bool = True
 ) -> Iterator[Axes]:
-    """Axes to draw on: those given, or new ones in print style in a figure of this size, unknown to pyplot.
+    """Axes to draw on: those given, pyplot's current ones, or new ones in print style in a figure of this size.
 
-    Without a frame new axes have no scales and fill the figure. What are no axes is refused with an error of the class
-    `refusal`.
+    Where pyplot is not imported figures are unknown to it. Without a frame new axes have no scales and fill the figure.
+    What are no axes is refused with an error of the class `refusal`.
 
     Example:
         >>> with drawing(None, ValueError) as axes:
@@ -154,11 +183,14 @@ def drawing(
     axes_of_matplotlib = optional_module("matplotlib.axes", "a plot")
     if ax is not None and not isinstance(ax, axes_of_matplotlib.Axes):
         raise refusal(f"ax must be axes of matplotlib or None, but was {ax!r:.60}")
+    pyplot: Any = None if _apart.get() else loaded_module("matplotlib.pyplot")
+    if ax is None and pyplot is not None and pyplot.get_fignums():
+        ax = pyplot.gca()
     if ax is not None:
         yield ax
         return
     with print_style():
-        figure = new_figure(size)
+        figure = new_figure(size, pyplot=pyplot)
         place: Style = {"axes_class": _print_axes()}
         if not frame:
             figure.set_layout_engine("none")

@@ -24,12 +24,15 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_click",
+    "sphinx_copybutton",
     "sphinx-mathjax-offline",
     "browser",
 ]
 
 autodoc_member_order = "bysource"
 autosummary_generate = True
+copybutton_prompt_is_regexp = True
+copybutton_prompt_text = r">>> |\.\.\. |\$ "  # copied are the lines with prompts, without these
 default_role = "code"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3

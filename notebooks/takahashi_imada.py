@@ -247,7 +247,7 @@ def start(random):
 diffusion = {}
 for method in (simplified, true):
     result = bs.ensemble(
-        method, atoms, h=STEP, steps=round(SPAN / STEP), sample=start, members=MEMBERS, seed=4,
+        method, atoms, h=STEP, steps=round(SPAN / STEP), sample=start, members=MEMBERS, rng=4,
         observe={"E": energy}, observe_every=round(SPAN / STEP / 20), change="absolute",
     )  # fmt: skip
     t, mean, deviation = result.t[2:], result.mean["E"], result.std["E"]

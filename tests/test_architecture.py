@@ -216,7 +216,7 @@ def test_the_common_path_imports_nothing_heavy(code):
 def test_lower_bounds_are_those_that_are_tested():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     required = [*project["dependencies"], *(x for extra in project["optional-dependencies"].values() for x in extra)]
-    bounds = {bound.partition(";")[0].replace(">=", "==") for bound in required if ">=" in bound}
+    bounds = {re.split("[;,]", bound)[0].replace(">=", "==") for bound in required if ">=" in bound}
     lines = (ROOT / "tests" / "minimum.txt").read_text(encoding="utf-8").splitlines()
     assert bounds == {line for line in lines if not line.startswith("#")}
 

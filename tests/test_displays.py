@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import time
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -20,8 +19,6 @@ ROOMS = (
     bs, trees, trees.hopf, integrators, bs.methods, bs.analysis, bs.stability, bs.algebra, bs.conditions, bs.fields,
     bs.hamiltonians, bs.shadow, bs.advice, bs.runs,
 )  # fmt: skip
-MOST_SECONDS = 2.0
-"""Ten times the time that a display may take, for a busy machine."""
 SHORT = 300
 LONG = 60_000
 """The most characters of `repr` and `print`."""
@@ -142,14 +139,11 @@ def test_every_public_class_is_displayed():
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_displays_are_short_and_quick(name):
+def test_displays_are_short(name):
     thing = example(name)
     assert isinstance(thing, public_classes()[name])
-    repr(thing), str(thing)  # imports and compiles
-    start = time.process_time()
     shown, text = repr(thing), str(thing)
     forms = {form: getattr(thing, form, lambda: None)() for form in ("_repr_html_", "_repr_latex_", "_repr_svg_")}
-    assert time.process_time() - start < MOST_SECONDS
     assert len(shown) <= SHORT
     assert " object at 0x" not in shown + text
     assert len(text) <= LONG

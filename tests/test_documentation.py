@@ -3,6 +3,7 @@
 The Python examples run as doctests; here are the others.
 """
 
+import doctest
 import inspect
 import re
 import shlex
@@ -49,6 +50,38 @@ def test_commands_print_what_pages_show(page, tmp_path, monkeypatch):
                 output = CliRunner().invoke(application, line, input=output, prog_name="bseries").output
             assert output is not None
             assert re.fullmatch(pattern(shown), output), f"{command}\n{output}"
+
+
+def test_copied_examples_are_their_commands_without_prompts():
+    """What the copy button takes for a prompt begins each line of an example, and no line of output."""
+    (prompt,) = re.findall(r'^copybutton_prompt_text = r"(.*?)"', (ROOT / "docs" / "conf.py").read_text("utf-8"), re.M)
+    parser, seen = doctest.DocTestParser(), 0
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        for block in re.findall(r"^```python\n(>>> .*?)^```", page.read_text(encoding="utf-8"), re.M | re.S):
+            copied = [re.sub(f"^({prompt})", "", line) for line in block.splitlines() if re.match(prompt, line)]
+            sources = "".join(example.source for example in parser.get_examples(block))
+            assert copied == sources.splitlines(), page
+            seen += 1
+    assert seen > 100
+    assert re.match(prompt, "$ bseries check rk4")
+    assert not re.match(prompt, "...")
+
+
+FIRST_TASKS = ROOT / "docs" / "howto" / "first-tasks.md"
+TASKS = re.findall(r"^## (.*?)$.*?^```python\n(.*?)^```", FIRST_TASKS.read_text(encoding="utf-8"), re.M | re.S)
+
+
+def test_there_are_five_tasks_of_ten_lines():
+    assert len(TASKS) == 5
+    for title, text in TASKS:
+        assert 4 <= sum(line.startswith((">>> ", "... ")) for line in text.splitlines()) <= 10, title
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(("title", "text"), TASKS, ids=[title for title, _ in TASKS])
+def test_each_task_stands_alone(title, text):
+    test = doctest.DocTestParser().get_doctest(text, {}, title, None, None)
+    assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test).failed == 0
 
 
 def test_a_wrong_output_would_be_noticed():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 from collections.abc import Callable
+from contextvars import ContextVar
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -21,7 +23,7 @@ from matplotlib.figure import Figure  # noqa: E402
 
 from bseries.picture_files import save_picture  # noqa: E402
 from bseries_base.diagrams import COLOURS  # noqa: E402
-from bseries_base.plotting import new_figure, picture  # noqa: E402
+from bseries_base.plotting import apart_from_pyplot, new_figure, picture  # noqa: E402
 
 COLOUR_WEIGHTS = (0.299, 0.587, 0.114)
 
@@ -284,6 +286,25 @@ def test_work_precision_names_every_method_beside_the_panel():
         assert set(zip(*line.get_data(), strict=True)) <= set(curve.front(found.measures[0]))
 
 
+def test_work_precision_against_evaluations_of_f():
+    """Four for each step of rk4, and one for each of leapfrog, which keeps the last one; none are known of gauss2."""
+    found = bs.work_precision(["rk4", "leapfrog", "gauss2"], "pendulum", span=5, errors=(1e-2, 1e-4))
+    axes = found.plot(measure="solution", against="evaluations")
+    assert axes.get_ylabel() == "evaluations of f"
+    curves = lines(axes)
+    assert set(curves) == {"rk4", "leapfrog"}
+    for curve, each in zip(found.curves, (4, 1), strict=False):
+        runs = {row.errors.solution: float(each * row.steps) for row in curve.rows}
+        drawn_points = dict(zip(*curves[curve.candidate.name].tolist(), strict=True))
+        assert drawn_points.items() <= runs.items()
+    table = found.to_table().records.rows  # pyright: ignore[reportOptionalMemberAccess]
+    assert {row["method"]: row["evaluations"] and row["evaluations"] // row["steps"] for row in table} == {
+        "rk4": 4, "leapfrog": 1, "gauss2": None,
+    }  # fmt: skip
+    with pytest.raises(bs.IntegratorError, match="against must be one of seconds, evaluations, but was 'x'"):
+        found.plot(against="x")
+
+
 def test_effects_draw_bars_of_the_times_measured():
     costs = EXAMPLES["EffectCosts"]()
     widths = [bar.get_width() for bar in costs.plot().patches]
@@ -341,3 +362,56 @@ def test_pictures_are_written_whole_or_not_at_all(tmp_path, monkeypatch):
     with pytest.raises(ZeroDivisionError):
         save_picture(tmp_path / "tree.png", figure)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def with_pyplot(monkeypatch):
+    """What users have: plots share pyplot's current axes, which tests otherwise are kept from."""
+    monkeypatch.setattr("bseries_base.plotting._apart", ContextVar("apart", default=False))
+    yield pyplot
+    pyplot.close("all")
+
+
+def test_without_axes_plots_are_on_the_current_ones_of_pyplot(with_pyplot, tmp_path):
+    axes = run().plot(y="q1")
+    assert pyplot.gca() is axes
+    assert pyplot.gcf().get_size_inches() == pytest.approx([12 / 2.54, 7.5 / 2.54])
+    assert axes._repr_html_() is None  # pyplot shows the figure
+    pyplot.savefig(tmp_path / "q.png")
+    assert (tmp_path / "q.png").read_bytes() != picture(new_figure((12, 7.5)), "png")
+    pyplot.close("all")
+    _, (left, right) = pyplot.subplots(1, 2)
+    pyplot.sca(left)
+    assert run().plot(y="q1") is left
+    pyplot.plot([0, 1], [0, 1])
+    assert len(left.lines) == 2
+    assert run().plot(right, y="q2") is right
+    with apart_from_pyplot():
+        assert run().plot() is not left
+    assert len(left.lines) == 2
+    assert pyplot.get_fignums() == [1]
+
+
+LINES = ("DriftReport", "EnsembleResult", "Reach", "ShadowReport", "Trajectory")
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_properties_of_lines_reach_matplotlib(name):
+    result, options = example(name)
+    usual = result.plot(**options)
+    axes = result.plot(color="red", lw=3, alpha=0.5, **options)
+    red = [line for line in axes.lines if line.get_color() == "red"]
+    assert red
+    assert all((line.get_linewidth(), line.get_alpha()) == (3, 0.5) for line in red)
+    assert [line.get_label() for line in axes.lines] == [line.get_label() for line in usual.lines]
+    assert not [line for line in usual.lines if line.get_color() == "red"]
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_figures_can_be_pickled(name):
+    figure = drawn(name).figure
+    again = pickle.loads(pickle.dumps(figure))
+    assert type(again) is type(figure)
+    assert type(again.axes[0]) is type(figure.axes[0])
+    assert picture(again, "png") == picture(figure, "png")

@@ -1,5 +1,6 @@
 """What a public host needs: workflows, style before commits, project addresses, the paper's references."""
 
+import inspect
 import re
 import tomllib
 from pathlib import Path
@@ -36,6 +37,40 @@ def test_a_tool_has_one_version():
     tools = set(re.findall(r'"(\w+==[\d.]+)"', text))
     assert {tool.partition("==")[0] for tool in tools} == {"ruff", "pyright"}
     assert tools <= set(PROJECT["optional-dependencies"]["dev"])
+
+
+def test_the_changelog_has_what_there_is_and_no_changes_of_what_never_was_released():
+    """It names every verb and every room of names, and nothing that is gone."""
+    import bseries as bs
+    from bseries.cli.application import VERBS
+
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == [f"{PROJECT['version']} (unreleased)"]
+    assert not re.search(r"^### (Changed|Fixed|Removed)", text, re.MULTILINE)
+    assert not [verb for verb in VERBS if f"`{verb}`" not in text and f"`bseries {verb}" not in text]
+    rooms = [name for name in dir(bs) if inspect.ismodule(getattr(bs, name)) and not name.startswith("_")]
+    assert not [room for room in rooms if f"`bs.{room}" not in text and f"`{room}`" not in text]
+    for path in re.findall(r"`((?:docs|\.ci)/[\w./-]+)`", text):
+        assert (ROOT / path).exists(), path
+
+
+def test_issues_have_forms_and_dependencies_a_robot():
+    forms = {path.stem for path in (ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml")}
+    assert forms == {"config", "wrong-number", "tableau", "question"}
+    for path in (ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"):
+        text = path.read_text(encoding="utf-8")
+        assert path.stem == "config" or re.match(r"name: .+\ndescription: .+\nlabels: .+\nbody:\n", text), path
+    assert "package-ecosystem: github-actions" in (ROOT / ".github" / "dependabot.yml").read_text(encoding="utf-8")
+    assert "(CODE_OF_CONDUCT.md)" in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def test_numba_whose_internals_are_used_has_an_upper_bound_that_is_met():
+    from importlib.metadata import version
+
+    (bound,) = re.findall(r"numba>=[\d.]+,<(\d+)\.(\d+)", "\n".join(PROJECT["dependencies"]))
+    installed = tuple(map(int, version("numba").split(".")[:2]))
+    assert installed < tuple(map(int, bound)) == (installed[0], installed[1] + 1)
+    assert "--pre numba" in WORKFLOWS["tests"]
 
 
 def test_the_owner_is_named_in_one_place():

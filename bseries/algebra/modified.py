@@ -24,18 +24,21 @@ from trees.counting import Limits, check_order, count_trees, memory_estimate, no
 from trees.table import TreeTable, tree_table
 from trees.words import Words
 
+DEFAULT_ORDER = 5
+"""Of series of methods."""
+
 
 @overload
-def series(method: Method | str, order: int | TreeTable, *, max_children: Any = None) -> BSeries: ...
+def series(method: Method | str, order: int | TreeTable | None = None, *, max_children: Any = None) -> BSeries: ...
 @overload
 def series(method: Method | str, order: Words) -> Series: ...
-def series(method: Method | str, order: int | TreeTable | Words, *, max_children: Any = None) -> Series:
+def series(method: Method | str, order: int | TreeTable | Words | None = None, *, max_children: Any = None) -> Series:
     """B-series (or P-series) of a method: its elementary weights.
 
     Args:
         method: The method; each part of a partitioned method is a colour of the trees.
-        order: Largest number of nodes, or a table of trees. For a splitting method also `trees.Words`: there its series
-            is a product of exponentials.
+        order: Largest number of nodes, by default 5, or a table of trees. For a splitting method also `trees.Words`:
+            there its series is a product of exponentials.
         max_children: Which trees to include, as for `trees.TreeTable`; by default all, or those of the special systems,
             such as y'' = g(y), of the method.
 
@@ -72,8 +75,8 @@ def modified_equation(
 
     Args:
         method: A method, or any flow series.
-        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation. For a method also a table of
-            trees; for a series by default its own order.
+        order: Largest number of nodes N: powers h^0 … h^(N−1) of the modified equation; by default 5, or the order of
+            a series. For a method also a table of trees.
         max_children: Which trees to include, as for `trees.TreeTable`.
 
     Returns:
@@ -152,7 +155,7 @@ def table_of(method: Method, order: int | Basis[Any] | None, max_children: Any) 
     """The basis for the series of a method."""
     colors = len(check_method(method).names)
     if order is None:
-        raise SeriesError("order must be given for a method, but was None")
+        order = DEFAULT_ORDER
     if max_children is None and not isinstance(order, Basis):
         max_children = method.max_children
     if isinstance(order, Basis):

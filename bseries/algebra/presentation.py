@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from bseries.exceptions import SeriesError
-from bseries_base.numbers import latex_number, number_text
+from bseries_base.numbers import broken_sum, latex_number, number_text
 from integrators.exact.arithmetic import FLOATS
 from trees.basis import Basis
 from trees.table import TreeTable
@@ -41,6 +41,18 @@ class SeriesTerm(NamedTuple):
 
 def to_latex(terms: Iterable[SeriesTerm], empty: Any, differential: Callable[[SeriesTerm], tuple[int, str]]) -> str:
     """Terms as a sum of weights times powers of h times elementary differentials; without a factor h for fields."""
+    return " + ".join(_summands(terms, empty, differential)).replace("+ -", "- ").replace("-  ", "- ") or "0"
+
+
+def display(terms: Iterable[SeriesTerm], empty: Any, differential: Callable[[SeriesTerm], tuple[int, str]]) -> str:
+    """The sum of `to_latex`, in an align where it takes several lines."""
+    formula = broken_sum(_summands(terms, empty, differential)) or "0"
+    return f"\\begin{{align*}}\n&{formula}\n\\end{{align*}}\n" if "\n" in formula else f"{formula}\n"
+
+
+def _summands(
+    terms: Iterable[SeriesTerm], empty: Any, differential: Callable[[SeriesTerm], tuple[int, str]]
+) -> list[str]:
     shift = 1 if empty == 0 else 0
     number = latex_number(empty, None)
     summands = [] if shift else ["y" if empty == 1 else f"{_factor(number)} y"]
@@ -51,7 +63,7 @@ def to_latex(terms: Iterable[SeriesTerm], empty: Any, differential: Callable[[Se
         number = latex_number(term.weight, term.digits, is_zero=term.is_zero)
         number = {"1": "", "-1": "-"}.get(number, f"{_factor(number)} ")
         summands.append(f"{number}{h}{formula}")
-    return " + ".join(summands).replace("+ -", "- ").replace("-  ", "- ") or "0"
+    return summands
 
 
 def _factor(number: str) -> str:

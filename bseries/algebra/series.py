@@ -488,7 +488,8 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
     def to_latex(self) -> str:
         """The series as a sum of weights times powers of h times elementary differentials, without terms that are zero.
 
-        A field is written as the modified equation f_h, without the factor h.
+        A field is written as the modified equation f_h, without the factor h. The sum is one line; that of
+        ``to_table().to_latex()`` breaks where it is long.
 
         Example:
             >>> import bseries as bs
@@ -496,6 +497,9 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             f - \\frac{1}{2} h\\, f'(f)
         """
         return presentation.to_latex(self.terms(nonzero=True), self.empty, self._differential)
+
+    def _display(self) -> str:
+        return presentation.display(self.terms(nonzero=True), self.empty, self._differential)
 
     def _differential(self, term: SeriesTerm) -> tuple[int, str]:
         """The number of nodes of a term and its elementary differential in LaTeX."""
@@ -541,7 +545,7 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             items="terms",
             section=fields["order"],
             records=listed(fields.items(), rows),
-            own={"latex": lambda width: shown.to_latex() + "\n"},
+            own={"latex": lambda width: shown._display()},
         )
 
 

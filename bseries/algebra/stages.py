@@ -33,6 +33,7 @@ from bseries.exact.powers import PowerWeights
 from bseries.exact.rationals import Operation, RationalValues
 from bseries.exact.recursions import Stages, lie_series
 from bseries.exceptions import SeriesError
+from bseries_base.errors import shown
 from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
@@ -170,6 +171,8 @@ def check_method(method: object) -> Method:
     """Return the method; raise a SeriesError if it is no method."""
     if isinstance(method, Method):
         return method
+    if callable(method):
+        raise SeriesError(f"method must be a method, which bs.trace makes of a function, but was {shown(method)}")
     raise SeriesError(
         "method must be a method such as method('rk4') or a series on trees, or inherit `Method` and have a property "
         f"`program`, but was {method!r:.60}"

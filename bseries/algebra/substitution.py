@@ -106,7 +106,7 @@ def modifying_integrator(
 
     Args:
         method: A method, or any flow series.
-        order: Largest number of nodes N. For a method also a table of trees; for a series by default its own order.
+        order: Largest number of nodes N, by default 5, or the order of a series. For a method also a table of trees.
         max_children: Which trees to include, as for `trees.TreeTable`.
 
     Raises:

@@ -31,15 +31,17 @@ from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES, block_names
 from bseries.exceptions import SeriesError
+from bseries_base.errors import as_sentence
 from bseries_base.numbers import latex_number, number_text
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import EntryRow
-from integrators.exact.expressions import format_number
+from integrators.exact.expressions import format_number, parse_number
 from integrators.methods.catalogue.registry import as_method
 from integrators.methods.programs.program import Method
 from trees.counting import check_order, count_trees
+from trees.hopf.forests import Forest
 
 MOST_STAGES = 30
 """Methods with more stages would take many seconds."""
@@ -166,7 +168,7 @@ class Report(NamedTuple):
 
         def latex(value: _Value) -> str:
             if isinstance(value, str):
-                return latex_text(value)
+                return f"${value}$" if value.isdecimal() else latex_text(value)
             return ", ".join(f"${latex_number(x, digits)}$" for x in value)
 
         def data() -> dict[str, Any]:
@@ -176,12 +178,16 @@ class Report(NamedTuple):
             return found
 
         columns = (
-            Column("quantity"),
-            Column("value", get=lambda fact: text(fact[1]), latex=lambda fact: latex(fact[1])),
+            Column("quantity", get=lambda fact: fact.name, latex=lambda fact: fact.heading or latex_text(fact.name)),
+            Column("value", get=lambda fact: text(fact.value), latex=lambda fact: fact.latex or latex(fact.value)),
         )
         facts, notes = list(_facts(self)), list(_notes(self))
         terms = self.error.terms if self.error is not None else ()
-        errors = [(f"e({tree.text(self._names)})", [e]) for tree, e in terms if e or not nonzero]
+        errors = [
+            _Fact(f"e({tree.text(self._names)})", [e], None, f"$e({Forest([tree]).to_latex(self._names)})$")
+            for tree, e in terms
+            if e or not nonzero
+        ]
         many = len(errors) > MOST_TERMS
         if many:
             notes.append(f"The {len(errors)} principal error coefficients are listed by --format csv and json.")
@@ -191,7 +197,7 @@ class Report(NamedTuple):
             facts if many else [*facts, *errors],
             notes,
             data=data,
-            section=lambda fact: fact[0].startswith("e("),
+            section=lambda fact: fact.name.startswith("e("),
             records=Table("", columns, [*facts, *errors]),
         )
 
@@ -370,17 +376,32 @@ _Value = str | list[Any]
 """Text, or numbers of the method."""
 
 
-def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
+class _Fact(NamedTuple):
+    """A row of the table; value and name have LaTeX of their own where it is not that of their text."""
+
+    name: str
+    value: _Value
+    latex: str | None = None
+    heading: str | None = None
+
+
+def _facts(report: Report) -> Iterator[_Fact]:
     """The rows of the table above the error coefficients."""
+    for name, value, *latex in _rows(report):
+        yield _Fact(name, value, *latex)
+
+
+def _rows(report: Report) -> Iterator[tuple[Any, ...]]:
     method = report.method
     yield "order", str(report.order) if report.order < report.tested_to else f"at least {report.order}"
     if report.rounded is not None:
         yield f"order to {report.rounded.digits} digits", str(report.rounded.order)
     for part, orders in report.generalised.items():
-        yield f"generalised order for small {part}", f"({', '.join(map(str, orders))})"
+        text = f"({', '.join(map(str, orders))})"
+        yield f"generalised order for small {part}", text, f"${text}$"
     yield "order conditions tested", f"to {report.tested_to} nodes"
     if report.embedded_orders:
-        yield "order of embedded weights", ", ".join(map(str, report.embedded_orders))
+        yield "order of embedded weights", list(report.embedded_orders)
     yield "stages", str(method.stages)
     if isinstance(method, RungeKutta) and method.form is not None:
         yield "form", f"{method.form.kind}, in {method.form.registers} registers"
@@ -388,17 +409,21 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
         as_blocks = name == "symplectic_tableau" and len(method.names) > 1 and block_names(method.names) is None
         yield name.replace("_", " ") + " for momenta and positions" * as_blocks, "yes" if holds else "no"
     for name, verdict in report.structure.items():
-        until = f"to all {verdict.tested_to} nodes tested"
+        until = f"to all {verdict.tested_to} nodes tested", None
         if verdict.breaks is not None:
-            until = f"to {verdict.order} node{'s' * (verdict.order != 1)}, not for {verdict.breaks.text(report._names)}"
-        yield name.replace("_", " "), until
+            before = f"to {verdict.order} node{'s' * (verdict.order != 1)}, not for "
+            tree = Forest([verdict.breaks]).to_latex(report._names)
+            until = before + verdict.breaks.text(report._names), f"{before}${tree}$"
+        yield name.replace("_", " "), *until
     if report.assumptions is not None:
         yield "stage order", str(report.stage_order)
-        yield "simplifying assumptions", ", ".join(f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True))
+        named = [f"{x}({k})" for x, k in zip("BCD", report.assumptions, strict=True)]
+        yield "simplifying assumptions", ", ".join(named), ", ".join(f"${x}$" for x in named)
     for name, value in report.stability.items():
         if value is not None and name != "undecided":
             answer = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
-            yield _NAMES.get(name, name.replace("_", " ")), answer
+            latex = None if isinstance(value, bool) else _formula(report.method, name, answer)
+            yield _NAMES.get(name, name.replace("_", " ")), answer, latex
     for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
         yield f"row sums of {name}" if name else "row sums", list(sums)
     if report.error is not None:
@@ -406,6 +431,15 @@ def _facts(report: Report) -> Iterator[tuple[str, _Value]]:
             yield "principal error norm", [report.error.norm]
             yield "largest error coefficient", [report.error.largest]
         yield "square of the norm", [report.error.norm_squared]
+
+
+def _formula(method: Any, name: str, text: str) -> str:
+    """A fact on stability in LaTeX; decimals stay as they are."""
+    if name == "stability_function":
+        return f"${criteria.stability_function(method).to_latex()}$"
+    if text in ("inf", "-inf"):
+        return "$" + text.replace("inf", r"\infty") + "$"
+    return f"${latex_number(parse_number(text, names=method.parameters))}$" if "." not in text else f"${text}$"
 
 
 def _notes(report: Report) -> Iterator[str]:
@@ -439,6 +473,6 @@ def _notes(report: Report) -> Iterator[str]:
     undecided: dict[str, str] = report.stability.get("undecided", {})
     for reason in dict.fromkeys(undecided.values()):
         facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
-        yield f"Not decided: {facts}: {reason}."
+        yield as_sentence(f"Not decided: {facts}: {reason}")
     for issue in report.method.issues:
         yield f"Warning: {issue}."

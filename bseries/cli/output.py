@@ -18,12 +18,22 @@ from bseries_base.table import FORMATS, LazyRows, Table
 if TYPE_CHECKING:
     from threading import Timer
 
+    from click.shell_completion import CompletionItem
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from rich.progress import Progress as Bars
     from rich.progress import Task, TaskID
 
 T = TypeVar("T")
+
+
+def complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Completions of FILE: the shell's own."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
+
+
 NO_LATEX = tuple(name for name in FORMATS if name != "latex")
 """Formats of verbs that measure, whose results have no formulas."""
 SUFFIXES = {suffix: name for name, format_ in FORMATS.items() for suffix in format_.suffixes}
@@ -158,7 +168,10 @@ def takes_output(verb: Callable[..., Table | str], formats: Collection[str] = FO
     """Add the options --format and -o to a verb, which receives an `Output` and returns a table or text."""
 
     @click.option("--format", "format_", metavar="FORMAT", help=f"One of {', '.join(formats)}; by default, table.")
-    @click.option("-o", "--output", "path", metavar="FILE", help="Write to FILE, in the format of its suffix.")
+    @click.option(
+        "-o", "--output", "path", metavar="FILE", shell_complete=complete_file,
+        help="Write to FILE, in the format of its suffix.",
+    )  # fmt: skip
     @functools.wraps(verb)
     def write(*, format_: str | None, path: str | None, **options: object) -> None:
         target = None if path == "-" else path
@@ -222,15 +235,20 @@ class PlotFile(NamedTuple):
         """Draw and write the picture, if one is wanted; the file appears when it is complete."""
         if self.path is not None:
             from bseries.picture_files import save_picture
+            from bseries_base.plotting import apart_from_pyplot
 
-            drawn: Any = draw()
+            with apart_from_pyplot():
+                drawn: Any = draw()
             save_picture(self.path, getattr(drawn, "figure", None) or drawn)
 
 
 def takes_plot(verb: Callable[..., T]) -> Callable[..., T]:
     """Add --plot FILE to a verb, which receives a `PlotFile` as `plot`."""
 
-    @click.option("--plot", "path_of_plot", metavar="FILE", help="Draw a picture: .png, .svg or .pdf.")
+    @click.option(
+        "--plot", "path_of_plot", metavar="FILE", shell_complete=complete_file,
+        help="Draw a picture: .png, .svg or .pdf.",
+    )  # fmt: skip
     @functools.wraps(verb)
     def call(*, path_of_plot: str | None, **options: object) -> T:
         if path_of_plot is not None:

@@ -12,7 +12,7 @@ from bseries.algebra.presentation import SeriesTerm
 from bseries.analysis.report import check
 from bseries.analysis.stability import criteria
 from bseries.exceptions import SeriesError
-from bseries_base.errors import BSeriesError
+from bseries_base.errors import BSeriesError, as_sentence
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.presentation import tableau_html
@@ -107,7 +107,7 @@ def method_facts(method: Method, nodes: int | None = None) -> MethodFacts:
         tuple(method.issues),
         nodes,
         tuple(_row(term, names) for term in series.terms()),
-        table.to_latex().strip(),
+        series.to_latex(),
         table.to_json(),
         tuple(table.notes),
     )
@@ -203,4 +203,4 @@ def region_of(method: Method) -> StabilityShapes | str:
     try:
         return stability_shapes(method)
     except BSeriesError as error:
-        return f"There is no stability region: {error}."
+        return as_sentence(f"There is no stability region: {error}")

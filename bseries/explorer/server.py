@@ -26,7 +26,7 @@ from bseries.explorer.method_facts import MOST_TREES, MethodFacts, StabilityShap
 from bseries.explorer.plots import ScenePlots, flow_numbers, page_parts, template
 from bseries.explorer.reading import Request, read_integer, read_method, read_positive, read_scene
 from bseries.explorer.workers import NotComputed, Workers
-from bseries_base.errors import plain
+from bseries_base.errors import as_sentence, plain
 from bseries_base.extras import optional_module
 from integrators import catalogue, scene_catalogue
 
@@ -113,7 +113,7 @@ def frame_answer(request: Request, frame: Frame) -> tuple[np.ndarray, str]:
             try:
                 views = flows.modified(h, scale, int(terms))
             except SeriesError as error:
-                views, sentence = NOTHING, f"{error}."
+                views, sentence = NOTHING, as_sentence(error)
         else:
             views = _fixed_view(flows, flow, h, scale)
         found.append(flow_numbers(flow, views))
@@ -192,9 +192,9 @@ class Explorer:
             method = await self.workers.ask(request.method, method_answer, request)
             return Answer(method, await self.workers.ask(request.method, scene_answer, request), ())
         except SeriesError as error:
-            return Answer(method, None, (f"{error}.",), lasts=not isinstance(error, NotComputed))
+            return Answer(method, None, (as_sentence(error),), lasts=not isinstance(error, NotComputed))
         except Exception as error:  # the page says so, and the server lives on
-            return Answer(method, None, (f"request could not be computed: {error}.",), lasts=False)
+            return Answer(method, None, (as_sentence(f"request could not be computed: {error}"),), lasts=False)
 
     def show(self, document: Any) -> None:
         """Fill a page."""
@@ -263,7 +263,7 @@ class LivePage:
                 frame = Frame(wanted, h, scale, terms)
                 numbers, said = await self._workers.ask(self._request.method, frame_answer, self._request, frame)
             except SeriesError as error:
-                numbers, said = None, f"{error}."
+                numbers, said = None, as_sentence(error)
             if self._document.session_context is None:  # the page was closed meanwhile
                 return
             sentence = said or sentence
@@ -281,7 +281,7 @@ class LivePage:
 
 
 async def _refused(error: SeriesError) -> Answer:
-    return Answer(None, None, (f"{error}.",))
+    return Answer(None, None, (as_sentence(error),))
 
 
 def read_arguments(arguments: Mapping[str, Sequence[bytes]]) -> Request:

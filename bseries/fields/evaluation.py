@@ -140,7 +140,7 @@ class CompiledSeries:
                 if not self.series.is_field:
                     out *= step
                     out += to_float(self.series.empty) * states
-        warn_where_not_finite(out.T, f"{self.series.label} on {self.series.scene.name}", step, stacklevel=4)
+        warn_where_not_finite(out.T, f"{self.series.label} on {self.series.scene.name}", step)
         return out.T.reshape(shape)
 
     def terms(self, y: ArrayLike, workers: int = 1) -> np.ndarray:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bseries.exceptions import SeriesError
-from bseries_base.errors import shorten, shown
+from bseries_base.errors import shorten, shown, warn_user
 from bseries_base.interrupts import mapped
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ def read_step(h: object, argument: str = "h") -> float:
     return step
 
 
-def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: int) -> None:
+def warn_where_not_finite(values: np.ndarray, label: str, h: float) -> None:
     """Warn that a series has no finite value at some points; `values` have the shape (…, points)."""
     import numpy as np
 
@@ -73,7 +72,7 @@ def warn_where_not_finite(values: np.ndarray, label: str, h: float, stacklevel: 
         message = (
             f"{label} must have finite values, but with h = {h:g} had none at {(~rows).sum()} of {rows.size} points"
         )
-        warnings.warn(message, RuntimeWarning, stacklevel=stacklevel)
+        warn_user(message, RuntimeWarning)
 
 
 def read_symbolic_step(h: object, argument: str = "h") -> sympy.Expr:

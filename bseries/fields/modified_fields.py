@@ -115,7 +115,7 @@ class SceneSeries:
         value = self.evaluator.value(y, h, workers)
         if self.is_field and h:
             states, _ = read_states(y, self.dimension)
-            warn_beyond_reach(self, states, float(h), f"{self.label} on {self.scene.name}", stacklevel=3)
+            warn_beyond_reach(self, states, float(h), f"{self.label} on {self.scene.name}")
         return value
 
     def __reduce__(self) -> tuple[partial[SceneSeries], tuple[Scene, SceneTrees, BSeries]]:

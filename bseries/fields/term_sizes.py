@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.fields.scene_trees import SeriesOnScene
-from bseries_base.diagrams import draw_legend
+from bseries_base.diagrams import draw_legend, of_line
+from bseries_base.errors import warn_user
 from bseries_base.plotting import BLUE, VERMILION, drawing
 from integrators.runs.titles import write_title
 
@@ -149,11 +149,12 @@ class Reach(NamedTuple):
             default=math.inf,
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """The sizes of the nonzero terms against the power of h, with the optimal truncation.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
+            **style: Properties of the line of the sizes, such as ``color`` and ``lw``.
 
         Raises:
             SeriesError: `ax` is no axes.
@@ -168,11 +169,11 @@ class Reach(NamedTuple):
         """
         sizes = [self.sizes[k] for k in self.powers]
         with drawing(ax, SeriesError) as axes:
-            axes.plot(self.powers, sizes, color=BLUE, marker="o", label="terms")
+            axes.plot(self.powers, sizes, **of_line(style, color=BLUE, marker="o", label="terms"))
             if self.powers:
                 best = self.optimal_power
-                style = {"color": VERMILION, "marker": "D", "markersize": 6, "mfc": "none", "linestyle": "none"}
-                axes.plot([best], [self.sizes[best]], label=f"optimal, k = {best}", **style)
+                ring = {"color": VERMILION, "marker": "D", "markersize": 6, "mfc": "none", "linestyle": "none"}
+                axes.plot([best], [self.sizes[best]], label=f"optimal, k = {best}", **ring)
                 draw_legend(axes)
             axes.locator_params(axis="x", integer=True)
             axes.set(xlabel="k", ylabel="size of the term with $h^k$", yscale="log")
@@ -214,13 +215,13 @@ class Reach(NamedTuple):
         }
 
 
-def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str, stacklevel: int) -> None:
+def warn_beyond_reach(f: SeriesOnScene, states: np.ndarray, h: float, label: str) -> None:
     """Warn that a series is evaluated beyond its optimum at some rows of `states`, of which a few are looked at."""
     chosen = states[:: max(1, -(-len(states) // MOST_CHECKED))]
     found = [Reach(label, h, norms) for norms in term_norms(f, chosen) if all(map(math.isfinite, norms))]
     worst = min((each for each in found if each.is_beyond), key=lambda each: each.largest_step, default=None)
     if worst is not None:
-        warnings.warn(f"{label} {too_long(worst)}", TruncationWarning, stacklevel=stacklevel)
+        warn_user(f"{label} {too_long(worst)}", TruncationWarning)
 
 
 def too_long(found: Reach) -> str:

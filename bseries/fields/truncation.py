@@ -6,7 +6,6 @@ On linear systems the modified equation converges up to the nearest zero or pole
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from bseries.exceptions import SeriesError
 from bseries.fields.inputs import read_states, read_step
 from bseries.fields.modified_fields import SceneSeries, check_field, modified_field
 from bseries.fields.term_sizes import Reach, TruncationWarning, term_norms, too_long
-from bseries_base.errors import shown
+from bseries_base.errors import shown, warn_user
 from integrators.methods.tableaux.runge_kutta import RungeKutta
 from integrators.scenes.particles.parts import Piece, degrees
 
@@ -151,7 +150,7 @@ def reach(f: SceneSeries, y: ArrayLike, h: float, *, method: RungeKutta | None =
         else:
             product = abs(step) * (found.spectral_radius or 0.0)
             message = f"diverges: h times the spectral radius must be below {found.radius:.6g}, but was {product:g}"
-        warnings.warn(f"{found.label} {message}", TruncationWarning, stacklevel=2)
+        warn_user(f"{found.label} {message}", TruncationWarning)
     return found
 
 

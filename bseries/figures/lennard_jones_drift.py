@@ -85,7 +85,7 @@ def numbers(
     energy = bs.modified_hamiltonian(bs.method(SYMPLECTIC), atoms, TERMS)
     result = bs.ensemble(
         SIMPLIFIED, atoms, h=h, steps=steps, sample=partial(start, atoms, bs.runs.thermal_momenta(atoms, 1), h),
-        members=members, seed=read_count(seed, "seed", 0, 2**63), observe={"H": energy.observer(h)},
+        members=members, rng=read_count(seed, "seed", 0, 2**63), observe={"H": energy.observer(h)},
         observe_every=max(1, steps // TIMES), change="absolute", keep=KEPT, checkpoint=checkpoint, progress=progress,
     )  # fmt: skip
     return LennardJonesDrift(members, h, result.t, result.mean["H"], result.std["H"], result.series["H"])

@@ -27,7 +27,7 @@ from bseries.hamiltonians.modified_hamiltonian import ModifiedHamiltonian
 from bseries.hamiltonians.orbits import Orbit, closed_orbit
 from bseries.hamiltonians.perturbations import PeriodGain, Perturbation, Violation, angle_periods, violations
 from bseries.scene_text import place
-from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.diagrams import axis_label, draw_band, draw_legend, of_line
 from bseries_base.errors import shorten
 from bseries_base.plotting import BLACK, SKY, drawing
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
@@ -171,15 +171,16 @@ class DriftReport(NamedTuple):
         power, diffusion = self.spread
         return abs(h) ** power * (2 * diffusion * abs(t)) ** 0.5
 
-    def plot(self, ax: Axes | None = None, *, run: Trajectory) -> Axes:
+    def plot(self, ax: Axes | None = None, *, run: Trajectory, **style: Any) -> Axes:
         """The energy error of a run against its prediction.
 
         That is the mean slope of a linear drift, ± two deviations of a random walk, or else the range in which the
         leading term of the modified equation, such as −h²H₃, lets the energy oscillate.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             run: A run of the method on the scene, which observes the energy.
+            **style: Properties of the line of the run, such as ``color`` and ``lw``.
 
         Raises:
             SeriesError: The run does not observe the energy, there is no prediction for this orbit, or `ax` is no axes.
@@ -199,7 +200,8 @@ class DriftReport(NamedTuple):
         t, h = run.observed_t - run.observed_t[0], run.h
         slope = self.slope(h) if self.drift is not None else 0.0
         with drawing(ax, SeriesError) as axes:
-            axes.plot(run.observed_t, energies - energies[0], color=SKY, linewidth=1.0, label="measured")
+            usual = of_line(style, color=SKY, linewidth=1.0, label="measured")
+            axes.plot(run.observed_t, energies - energies[0], **usual)
             if slope:
                 axes.plot(run.observed_t, slope * t, color=BLACK, linestyle="--", label="predicted")
             elif self.spread is not None:

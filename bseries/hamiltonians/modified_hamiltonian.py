@@ -157,14 +157,14 @@ class ModifiedHamiltonian:
         states, shape = read_states(y, self.scene.dimension)
         step = read_step(h)
         values = self._energy.evaluator.values(states, step, workers)
-        warn_where_not_finite(values, f"{self.label} on {self.scene.name}", step, stacklevel=3)
+        warn_where_not_finite(values, f"{self.label} on {self.scene.name}", step)
         self._check_reach(states.T, step)
         return values if len(shape) == 2 else float(values[0])
 
     def _check_reach(self, y: np.ndarray, h: float) -> None:
         """Warn the caller of a method that states (variables, n) are beyond the reach of the series."""
         if h:
-            warn_beyond_reach(self.field, y.T, h, f"{self.label} on {self.scene.name}", stacklevel=4)
+            warn_beyond_reach(self.field, y.T, h, f"{self.label} on {self.scene.name}")
 
     def terms(self, y: ArrayLike, *, workers: int = 1) -> np.ndarray:
         """The terms at one point or many, without the powers of h.
@@ -281,7 +281,7 @@ class ModifiedHamiltonian:
         sets, through the scene's start, which the title gives.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             h: The step size.
             run: A run of the method, whose states are drawn as points.
             x: The variable across; by default the first position.

@@ -14,7 +14,7 @@ import numpy as np
 from bseries.exceptions import SeriesError
 from bseries.picture_files import check_picture, save_picture
 from bseries.shadow.slope_noise import CHANCE, slope_noise
-from bseries_base.diagrams import OVER_DATA, axis_label, draw_curves
+from bseries_base.diagrams import OVER_DATA, axis_label, draw_curves, of_line
 from bseries_base.kernels import float_kernel
 from bseries_base.plotting import BLACK, BLUE, VERMILION, drawing, new_figure, print_style
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
@@ -386,12 +386,13 @@ class ShadowReport:
             figure.suptitle(heading, fontsize="medium", parse_math=False)
         save_picture(path, figure)
 
-    def plot(self, ax: Axes | None = None, *, orders: Sequence[int] | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, orders: Sequence[int] | None = None, **style: Any) -> Axes:
         """Shadow energies over time: the distance of each order from its mean, the largest in each block of steps.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             orders: The orders; by default 2, which is the energy, to the best one, six at most.
+            **style: Properties of the lines, such as ``color`` and ``lw``.
 
         Raises:
             SeriesError: An order is not in the report, or `ax` is no axes.
@@ -419,7 +420,7 @@ class ShadowReport:
             name = "order 2: energy" if order == 2 else f"order {order}"
             curves[name] = np.where(strayed > 0, strayed, np.nan)
         with drawing(ax, SeriesError) as axes:
-            draw_curves(axes, t, curves, linestyle="-", linewidth=0.7)
+            draw_curves(axes, t, curves, **of_line(style, linestyle="-", linewidth=0.7))
             write_title(axes, f"{os.path.basename(self.label)}, h = {self.h:g}")
             axes.set(xlabel=axis_label("t"), ylabel="largest distance from the mean", yscale="log")
         return axes

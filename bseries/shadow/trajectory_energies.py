@@ -57,7 +57,7 @@ def shadow_energy(
     period: ArrayLike | None = None,
     tolerance: float | None = None,
     keep: bool = False,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> ShadowReport:
     """Modified energies of order 2, 4, …, measured along a trajectory computed by any program.
 
@@ -102,7 +102,7 @@ def shadow_energy(
     """
     if order is not None:
         check_order(order)
-    check_progress(progress)
+    show = check_progress(progress)
     h = read_number(h, "h") if isinstance(h, str) else h
     allowed = TOLERANCE if tolerance is None else read_number(tolerance, "tolerance")
     if allowed < 0:
@@ -121,7 +121,7 @@ def shadow_energy(
     states = run.states(chain([head], blocks), _mass_factors(_inverse_masses(source, mass)), edges)
     start = float(head["t"][0]) if "t" in head else 0.0
     with np.errstate(all="ignore"):  # numbers that overflow are refused where they are found
-        return _measure(run, states, order, start, keep, progress)
+        return _measure(run, states, order, start, keep, show)
 
 
 def _step(source: Source, t: np.ndarray | None, h: float | None) -> float:

@@ -41,8 +41,8 @@ class _Codegen(JITCPUCodegen):
     def _module_pass_manager(self, **options: object) -> Managers:
         return _freed(super()._module_pass_manager(**options))
 
-    def _function_pass_manager(self, **options: object) -> Managers:
-        return _freed(super()._function_pass_manager(**options))
+    def _function_pass_manager(self, *module: ModuleRef, **options: object) -> Managers:  # old versions take one
+        return _freed(super()._function_pass_manager(*module, **options))
 
 
 def _freed(made: Managers) -> Managers:

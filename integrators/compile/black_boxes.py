@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import math
 import threading
-import warnings
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache, partial
 from types import FunctionType
@@ -19,7 +18,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from bseries_base.errors import shorten, shown
+from bseries_base.errors import shorten, shown, warn_user
 from bseries_base.extras import optional_module
 from bseries_base.machine_code import FUNCTION, Compiled, MachineCode
 from integrators.compile.c_functions import data
@@ -71,7 +70,7 @@ def black_box(
     compiled_box(box)
     if box.key in _LISTED:
         message = f"{name} should return a tuple: with the list that it returns, steps take several times as long"
-        warnings.warn(message, RuntimeWarning, stacklevel=2)
+        warn_user(message, RuntimeWarning)
     return box
 
 

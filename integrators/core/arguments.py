@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -168,10 +169,18 @@ def split_row(text: str) -> list[str]:
     return [text[start + 1 : end] for start, end in pairwise([*ends, len(text)])] if text.strip() else []
 
 
-def check_progress(progress: object) -> None:
-    """Refuse a progress callback that cannot be called."""
+def check_progress(progress: object) -> Callable[[int, int], object] | None:
+    """The function that is told the progress; True stands for `write_progress`, False for none."""
+    if isinstance(progress, bool):
+        return write_progress if progress else None
     if progress is not None and not callable(progress):
-        raise IntegratorError(f"progress must be a function of two numbers, but was {shown(progress)}")
+        raise IntegratorError(f"progress must be a function of two numbers, True or None, but was {shown(progress)}")
+    return progress
+
+
+def write_progress(done: int, total: int) -> None:
+    """Write the part of the work that is done to stderr, over the line before."""
+    print(f"\r{done / total:4.0%}", end="\n" if done == total else "", file=sys.stderr, flush=True)
 
 
 MOMENTA = frozenset({"p", "P", "v", "omega", "a", "I", "J", "L"})

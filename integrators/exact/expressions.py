@@ -4,7 +4,7 @@
     product  = unary {("*" | "/") unary}
     unary    = {"+" | "-"} power
     power    = atom [("^" | "**") unary]
-    atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")"
+    atom     = number | name | function "(" sum ")" | "root(" sum "," sum ")" | "(" sum ")" | "√" atom
              | ("min" | "max") "(" sum {"," sum} ")" | "where(" sum (">" | "<" | ">=" | "<=") sum "," sum "," sum ")"
 
 Decimals are read exactly, as fractions. Rational formulas give `Fraction`s without SymPy.
@@ -50,7 +50,7 @@ MOST_TERMS = 100_000
 """Of a power of a sum, when it is multiplied out."""
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[<>]=?|[-+*/^(),]))"
+    r"\s*(?:(?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*)|(?P<sign>\*\*|[<>]=?|[-+*/^(),√]))"
 )
 
 
@@ -254,6 +254,9 @@ class _Parser:
         if kind == "name":
             self.advance()
             return self.name(token, position)
+        if token == "√":
+            self.advance()
+            return self.compute(position, exact.root, self.nested(self.atom), Fraction(2))
         if token != "(":
             self.expected("a number, a name or '('")
         return self.arguments()[0]

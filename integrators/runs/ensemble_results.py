@@ -12,11 +12,11 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bseries_base.diagrams import axis_label, draw_band, draw_legend
+from bseries_base.diagrams import axis_label, draw_band, draw_legend, of_line
 from bseries_base.errors import shorten
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
@@ -218,11 +218,12 @@ class EnsembleResult(Tabular):
             records=_statistics(self),
         )
 
-    def plot(self, ax: Axes | None = None, *, name: str | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, name: str | None = None, **style: Any) -> Axes:
         """A quantity over time: mean, standard deviation, extremes, and the members that were kept.
 
         Args:
             name: The quantity; by default the first one.
+            **style: Properties of the line of the mean, such as ``color`` and ``lw``.
 
         Raises:
             IntegratorError: The name is unknown, or `ax` is no axes.
@@ -244,7 +245,7 @@ class EnsembleResult(Tabular):
             for k, member in enumerate(self.series[name]):
                 label = "a member" if k == 0 else "_"
                 axes.plot(self.t, member, color=GREY, linewidth=0.4, label=label)
-            axes.plot(self.t, mean, color=BLUE, label="mean")
+            axes.plot(self.t, mean, **of_line(style, color=BLUE, label="mean"))
             draw_legend(axes)
             write_title(axes, f"{self._about}: {self.meta['members']:,} members")
             kind = self.meta["change"][self.names.index(name)]

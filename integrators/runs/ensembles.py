@@ -6,7 +6,6 @@ import hashlib
 import os
 import pickle
 import sys
-import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager, suppress
@@ -19,11 +18,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bseries_base.children import Children, end_with_parent, safe_path, start_tracker
-from bseries_base.errors import shorten
+from bseries_base.errors import shorten, warn_user
 from bseries_base.extras import loaded_module, optional_module
 from bseries_base.interrupts import mapped, uninterrupted
 from bseries_base.memory import refuse_beyond_memory
-from integrators.core.arguments import check_end, read_array, read_whole
+from integrators.core.arguments import check_end, check_progress, read_array, read_whole
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
@@ -204,7 +203,8 @@ def ensemble(
     y0: object = None,
     sample: Callable[[np.random.Generator], object] | None = None,
     members: int | None = None,
-    seed: int = 0,
+    rng: np.random.Generator | int | None = 0,
+    seed: int | None = None,
     t0: float = 0.0,
     observe: object = "energy",
     observe_every: int | None = None,
@@ -219,7 +219,7 @@ def ensemble(
     executor: Executor | str = "threads",
     workers: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> EnsembleResult:
     """Integrate a scene from many starts, and return statistics of the observed quantities.
 
@@ -231,9 +231,11 @@ def ensemble(
         span: The length of time instead of `steps`; the last step may end later.
         y0: The starts, (members, variables), unless `sample` is given.
         sample: A function that draws a start, (variables,), from a NumPy generator: `thermal_momenta`,
-            `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(seed).spawn(…)[k]``.
+            `perturbed_start`, or your own. Member k gets the generator of ``SeedSequence(rng).spawn(…)[k]``.
         members: The number of members; required with `sample`.
-        seed: The seed of the random numbers, 0 or more.
+        rng: The seed of the random numbers, 0 or more; a NumPy generator that draws it; or None for one of the moment.
+            The results keep it.
+        seed: Another name of `rng`.
         observe: Quantities, as for `integrate`.
         observe_every: Steps between observations; by default there are about a thousand. The start and the last step
             are always observed.
@@ -288,7 +290,7 @@ def ensemble(
     starts, count = _starts(y0, sample, members, scene.dimension)
     work = Members(
         scene, compiled.method, origin.h, steps, origin.t0, {"parts": parts, **numerics}, observer, every,
-        _changes(change, observer.names), sample, _whole(seed, "seed", 0), _whole(keep, "keep", 0), bool(final),
+        _changes(change, observer.names), sample, _read_seed(rng, seed), _whole(keep, "keep", 0), bool(final),
     )  # fmt: skip
     _check_memory(work, count)
     options = {"h": work.h, "t0": work.t0, "steps": steps, "observe_every": every, **numerics, "members": count}
@@ -298,8 +300,9 @@ def ensemble(
     if executor != "threads" and not isinstance(executor, ThreadPoolExecutor):
         _ = work.packed  # refused here if it cannot be pickled
     folder = None if checkpoint is None else block_folder(checkpoint, same)
+    show = check_progress(progress)
     compute = partial(results_in_order, executor, workers, Members.block, stop=work.stop)
-    with closing(_blocks(work, starts, count, folder, compute, progress)) as blocks:
+    with closing(_blocks(work, starts, count, folder, compute, show)) as blocks:
         whole = merged_blocks(blocks)
     t = work.t0 + work.h * work.step_numbers
     result = EnsembleResult(t, observer.names, whole, description(compiled, observer, options))
@@ -307,8 +310,17 @@ def ensemble(
         for k in np.flatnonzero((result.count > 0) & ~np.isfinite(mean))[:1]:
             at = f"the mean over members was {mean[k]} at t = {t[k]:g}"
             message = f"{name} must be finite at the states that are observed, but {at}"
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
+            warn_user(message, RuntimeWarning)
     return result
+
+
+def _read_seed(rng: object, seed: object) -> int:
+    """The seed of the members, from what SPEC 7 of Scientific Python allows, or by its older name."""
+    if seed is not None:
+        return _whole(seed, "seed", 0)
+    if rng is None or isinstance(rng, np.random.Generator):
+        return int(np.random.default_rng(rng).integers(2**63))
+    return _whole(rng, "rng", 0)
 
 
 def _starts(y0: object, sample: object, members: object, dimension: int) -> tuple[np.ndarray | None, int]:
@@ -384,7 +396,7 @@ def _fingerprint(work: Members, starts: np.ndarray | None, count: int) -> str:
 def _blocks(
     work: Members, starts: np.ndarray | None, count: int, folder: str | None,
     compute: Callable[[Sequence[tuple[object, ...]]], Generator[Block, None, None]],
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
 ) -> Generator[Block, None, None]:  # fmt: skip
     """All blocks in order; their size, a power of two, depends on `count` alone."""
     size = 1 << (-(-count // BLOCKS) - 1).bit_length()

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bseries_base.errors import shorten, shown
+from bseries_base.errors import shorten, shown, warn_user
 from integrators.core.arguments import check_end, check_progress, read_steps
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import check_path
@@ -132,7 +131,7 @@ def integrate(
     solver: str = "auto",
     average_nodes: int | None = None,
     control: object = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
     to: str | os.PathLike[str] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 30.0,
@@ -145,13 +144,14 @@ def integrate(
     Args:
         h: The step size, a number or text such as ``"1/10"``; negative backwards in time.
         span: The length of time instead of `steps`; the last step may end later.
-        y0: The start, (variables,); by default that of the scene (at time `t0` if the time is among its variables).
+        y0: The start, (variables,), or values of some blocks or variables by name; by default that of
+            the scene (at time `t0` if the time is among its variables).
         parts, compensated, split, solver, average_nodes, control: As for `stepper`.
         save_every: Store the start, every `save_every`-th state, and the last; None stores start and end only.
         observe: Quantities to observe, see `observers`: ``"energy"``, names of first integrals, ``"invariants"``,
             functions of (t, y); a list of these, or a mapping from names to them.
         observe_every: Observe the start, every `observe_every`-th state, and the last; by default the stored states.
-        progress: Called with the number of steps made and the total.
+        progress: Called with the number of steps made and the total; True writes the part that is made to stderr.
         to: A trajectory file. Rows are written during the run, to a folder with ``.part`` added to the name, which
             `load_trajectory` can read meanwhile; the file appears, complete, at the end.
         checkpoint: A file. If it exists, the run resumes from it; every argument except `steps`, `progress` and
@@ -189,7 +189,9 @@ def integrate(
     observe_every = save_every if observe_every is None else read_steps(observe_every, "observe_every", 1)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
     compiled, observer = stepper(method, scene, parts=parts, control=control, **numerics), observers(scene, observe)
-    if y0 is None:
+    if isinstance(y0, Mapping):
+        y0 = scene.with_start(**y0).y0
+    elif y0 is None:
         y0 = scene.y0
         if TIME in scene.places:
             y0[scene.places[TIME]] = t0
@@ -199,7 +201,7 @@ def integrate(
     observer.check(state.t, state.y)
     if not isinstance(checkpoint_every, int | float) or not checkpoint_every >= 0:
         raise IntegratorError(f"checkpoint_every must be seconds, 0 or more, but was {shorten(repr(checkpoint_every))}")
-    check_progress(progress)
+    show = check_progress(progress)
     target = None if to is None else check_path(to, "to")
     path = None if checkpoint is None else check_path(checkpoint, "checkpoint")
     if path is not None and path == target:
@@ -225,7 +227,7 @@ def integrate(
     run = Run(compiled, state, observer, grids, recording)
     if not is_resumed:
         run.keep_state(is_end=False)
-    return _completed(run, steps, saved, progress)
+    return _completed(run, steps, saved, show)
 
 
 def _completed(
@@ -256,7 +258,7 @@ def _completed(
         raise
     run.keep_state(is_end=True)
     if run.warning is not None:
-        warnings.warn(run.warning, RuntimeWarning, stacklevel=3)
+        warn_user(run.warning, RuntimeWarning)
     return _closed(run, checkpoint)
 
 

@@ -6,11 +6,11 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bseries_base.diagrams import axis_label, draw_curves
+from bseries_base.diagrams import axis_label, draw_curves, of_line
 from bseries_base.errors import shorten, shown
 from bseries_base.extras import optional_module
 from bseries_base.numbers import finite_or_none
@@ -155,7 +155,7 @@ class Trajectory(Tabular):
 
     def plot(
         self, ax: Axes | None = None, *, x: str = "t", y: str | Sequence[str] | None = None, change: bool = False,
-        points: bool = False, label: str | None = None,
+        points: bool = False, label: str | None = None, **style: Any,
     ) -> Axes:  # fmt: skip
         """Variables or observed quantities over time, or over another one: a phase portrait.
 
@@ -165,6 +165,7 @@ class Trajectory(Tabular):
             change: Whether changes since the start are drawn, such as the error of an energy.
             points: Whether states are drawn as points without lines between them.
             label: The name of the run in the legend, for axes with several runs; by default method and scene.
+            **style: Properties of the lines, such as ``color`` and ``lw``.
 
         Raises:
             IntegratorError: A name is unknown, `change` is not True or False, quantities are observed at other times
@@ -196,8 +197,9 @@ class Trajectory(Tabular):
             run = label or (_names(self) if first else "")
             labels = [f"{name}, {run}" if run and len(names) > 1 else run or name for name in names]
             draw_curves(
-                axes, across, dict(zip(labels, curves, strict=True)), first=first, points=points, linewidth=width
-            )
+                axes, across, dict(zip(labels, curves, strict=True)), first=first, points=points,
+                **of_line(style, linewidth=width),
+            )  # fmt: skip
             what = names[0] if len(names) == 1 else "value"
             write_title(axes, "" if first else f"{_names(self)}, h = {self.h:g}")
             axes.set(xlabel=axis_label(x), ylabel=axis_label(what, change))

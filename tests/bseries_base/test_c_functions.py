@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
@@ -25,6 +26,8 @@ from integrators.compile import c_functions
 from integrators.core.immutable import cached_method
 from integrators.runs.observers import observer_codes
 from integrators.steppers import stepping
+
+pytestmark = pytest.mark.minimum
 
 ROOT = Path(__file__).parents[2]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="owners and modes of POSIX")
@@ -297,3 +300,65 @@ def test_threads_that_cache_a_result_at_once_share_it():
         one, other = threads.map(lambda _: owner.value(), range(2))
     assert one is other
     assert owner.value() is one
+
+
+@pytest.fixture
+def small_cache(tmp_path, monkeypatch):
+    """A cache of at most 10,000 bytes, in which five files of 4,000 bytes were used on different days."""
+    folder = tmp_path / "cache"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("BSERIES_CACHE", str(folder))
+    monkeypatch.setattr(machine_code, "MOST_BYTES", 10_000)
+    machine_code._prune.cache_clear()
+    files = [folder / (sha256(bytes([k])).hexdigest() + ".code") for k in range(5)]
+    for age, path in enumerate(files, 2):
+        path.write_bytes(b"x" * 4_000)
+        os.utime(path, (time.time() - age * machine_code.DAY,) * 2)
+    (folder / "notes.code").write_bytes(b"y" * 100_000)  # not ours
+    yield folder, files
+    machine_code._prune.cache_clear()
+
+
+def test_files_that_were_used_longest_ago_are_removed(small_cache, made):
+    folder, files = small_cache
+    assert value(made[0]) == 2 * sin(1.0)
+    sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
+    assert sizes.pop("notes.code") == 100_000
+    assert sum(sizes.values()) <= 0.75 * 10_000
+    assert [path.name in sizes for path in files] == [True, False, False, False, False]
+    assert value(made[0]) == 2 * sin(1.0)
+    assert made[1] == [0]  # what was written last is still there
+
+
+def test_a_cache_that_is_small_keeps_everything(small_cache, made, monkeypatch):
+    _, files = small_cache
+    monkeypatch.setattr(machine_code, "MOST_BYTES", 1_000_000)
+    value(made[0])
+    assert all(path.exists() for path in files)
+
+
+def test_reading_marks_files_as_used(small_cache, made):
+    folder, files = small_cache
+    value(made[0])
+    (path,) = set(folder.glob("?" * 64 + ".code")) - set(files)
+    os.utime(path, (time.time() - 3 * machine_code.DAY,) * 2)
+    value(made[0])
+    assert path.stat().st_mtime > time.time() - machine_code.DAY
+    assert made[1] == [0]
+
+
+def test_pruning_beside_others_that_prune(small_cache, made, monkeypatch):
+    """Files that vanish between the listing and their removal are no error."""
+    _, files = small_cache
+    scan = os.scandir
+
+    def listed_then_removed(directory):
+        entries = scan(directory)
+        for path in files[2:]:
+            path.unlink()
+        return entries
+
+    monkeypatch.setattr(os, "scandir", listed_then_removed)
+    assert value(made[0]) == 2 * sin(1.0)
+    monkeypatch.undo()
+    assert not any(path.exists() for path in files[2:])

@@ -13,6 +13,8 @@ from bseries_base.kernels import kernel
 from bseries_base.lowering.flat_kernels import address_of, flat_kernel, machine_code_pays
 from trees import TreeTable
 
+pytestmark = pytest.mark.minimum
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 KERNELS = """
 from bseries_base.kernels import float_kernel

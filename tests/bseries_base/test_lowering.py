@@ -13,6 +13,8 @@ from bseries_base.lowering.units import Unit, lowered
 from bseries_base.lowering.vectors import VectorLoop
 from integrators.compile.machine import DOUBLES, bits, compiled, fma, pointer, shifted, stack, value_of
 
+pytestmark = pytest.mark.minimum
+
 NUMBERS = np.array([0.5, -2.0, 3.25])
 PLACES = np.array([2, 0, 1])
 KIND = types.float64(DOUBLES, types.float64, types.int64)

@@ -20,6 +20,8 @@ from numba.core.dispatcher import Dispatcher
 from bseries_base import machine_code
 from bseries_base.machine_code import CHECKSUM, cache_directory, cfunc, njit
 
+pytestmark = pytest.mark.minimum
+
 ROOT = Path(__file__).parents[2]
 KERNELS = """
 def cube(x):

@@ -8,6 +8,8 @@ from tree_oracles import random_trees
 from trees.errors import TreeError
 from trees.tree import Tree
 
+pytestmark = pytest.mark.minimum
+
 
 @given(random_trees(colors=3))
 def test_graphs_are_read_back(tree: Tree) -> None:

@@ -224,7 +224,7 @@ class EffectCosts(Sequence[CostRow]):
         """The time of a step as effects are added; whiskers are the quartiles.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
 
         Raises:
             SeriesError: `ax` is no axes.

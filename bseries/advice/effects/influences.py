@@ -250,7 +250,7 @@ class EffectReport(NamedTuple):
         Effects to be left out have white bars; those with which no run ended, and those without influence, have none.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
 
         Raises:
             SeriesError: `ax` is no axes.
@@ -377,7 +377,7 @@ def effect_influence(
     parts: Parts | None = None,
     solver: str = "auto",
     margin: float = MARGIN,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> EffectReport:
     """The influence and cost of each effect of a scene on a run, and the effects that can be left out.
 
@@ -424,8 +424,8 @@ def effect_influence(
     _check(step, length, factor, wanted)
     if measure == ENERGY and not variants.full.with_effects().is_hamiltonian:
         raise SeriesError(f"measure must be solution for {variants.full.name}, which has no energy, but was {measure}")
-    check_progress(progress)
-    runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, progress)
+    show = check_progress(progress)
+    runs = EffectRuns(variants, method, step, whole_steps(length, step), {"parts": parts, "solver": solver}, show)
     own_error = runs.own_error()
     accepted = getattr(own_error, measure) if wanted is None else wanted
     if wanted is None and not accepted < 0.1:  # not one correct digit

@@ -25,7 +25,7 @@ from bseries.advice.work_precision.sweeps import (
     timed_curves,
 )
 from bseries_base.diagrams import MARKERS, draw_legend, line_style
-from bseries_base.errors import shorten
+from bseries_base.errors import as_sentence, shorten, shown
 from bseries_base.plotting import drawing, new_figure, print_style
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, listed
 from integrators.core.arguments import check_progress
@@ -63,6 +63,9 @@ class DefaultSpan(NamedTuple):
 
 
 SPAN = DefaultSpan()
+SECONDS = "seconds"
+COSTS = {SECONDS: "CPU time in seconds", "evaluations": "evaluations of f"}
+"""What errors are drawn against, with the label of the axis."""
 
 
 class WorkPrecision:
@@ -138,15 +141,16 @@ class WorkPrecision:
         """The scene and the length of the runs."""
         return f"{self.scene.title}, t = 0 to {self.span:g}"
 
-    def plot(self, ax: Axes | None = None, *, measure: str | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, measure: str | None = None, against: str = SECONDS) -> Axes:
         """The work–precision diagram: CPU time against error, strong curves for methods that are cheapest somewhere.
 
         Args:
-            ax: The axes, which are returned; None for those of a new figure.
+            ax: The axes, which are returned; None for pyplot's current or new ones.
             measure: The name of the error; by default the first of `measures`.
+            against: ``"seconds"`` of CPU time, or ``"evaluations"`` of f, in which methods that iterate have no curve.
 
         Raises:
-            IntegratorError: The measure is none of `measures`, or `ax` is no axes.
+            IntegratorError: The measure is none of `measures`, `against` is another word, or `ax` is no axes.
             ImportError: matplotlib is not installed.
 
         Example:
@@ -158,7 +162,7 @@ class WorkPrecision:
         """
         measure = check_measure(self.measures[0] if measure is None else measure, self.measures)
         with drawing(ax, IntegratorError, (WIDTH, HEIGHT)) as axes:
-            draw_panel(axes, self.curves, self.errors, measure)
+            draw_panel(axes, self.curves, self.errors, measure, against)
             write_title(axes, self.title)
         return axes
 
@@ -176,7 +180,7 @@ class WorkPrecision:
             "notes": self.notes,
             "left_out": self.left_out,
             "methods": [
-                {"method": curve.candidate.name, "rows": [_row_dict(row) for row in curve.rows]}
+                {"method": curve.candidate.name, "rows": [_row_dict(curve, row) for row in curve.rows]}
                 for curve in self.curves
             ],
         }
@@ -196,13 +200,14 @@ class WorkPrecision:
         for name in (curve.candidate.name for curve in self.curves):
             cells = (duration(t[name]) + "*" * (name == best) if name in t else "" for t, best in times)
             rows.append([name, *cells])
-        runs = [{"method": curve.candidate.name, **_row_dict(row)} for curve in self.curves for row in curve.rows]
+        rows_of = ((curve, row) for curve in self.curves for row in curve.rows)
+        runs = [{"method": curve.candidate.name, **_row_dict(curve, row)} for curve, row in rows_of]
         facts = [
             {"wanted": error, **({"reason": choice} if isinstance(choice, str) else choice.to_dict())}
             for error, choice in choices.items()
         ]
         advice = (_advice(error, choice) for error, choice in choices.items())
-        left_out = (f"Left out: {name}: {reason}." for name, reason in self.left_out.items())
+        left_out = (as_sentence(f"Left out: {name}: {reason}") for name, reason in self.left_out.items())
         return Table(
             f"{self.title}: CPU time against the error of the {measure}",
             [Column("method"), *(Column(f"{error:.0e}", True) for error in decades)],
@@ -216,11 +221,13 @@ class WorkPrecision:
     __str__, _repr_html_, to_pandas = as_text, as_html, as_frame
 
 
-def _row_dict(row: Row) -> dict[str, Any]:
+def _row_dict(curve: Curve, row: Row) -> dict[str, Any]:
     keys = ("seconds", "low", "high", "rounds")
     costs = {"seconds_per_step" if key == "seconds" else key: getattr(row.cost, key, None) for key in keys}
     errors = {"solution": row.errors.solution, "energy": row.errors.energy, "failure": row.errors.failure}
-    return {"h": row.h, "steps": row.steps, **costs, "seconds": row.seconds, **errors}
+    count = curve.candidate.evaluations
+    work = {"seconds": row.seconds, "evaluations": None if count is None else count * row.steps}
+    return {"h": row.h, "steps": row.steps, **costs, **work, **errors}
 
 
 def work_precision(
@@ -231,7 +238,7 @@ def work_precision(
     errors: tuple[float, float] = (1e-3, 1e-12),
     measure: str = "all",
     budget: float = BUDGET,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> WorkPrecision:
     """Errors and CPU times of methods on a scene, from its start, for a range of step sizes.
 
@@ -272,7 +279,6 @@ def work_precision(
     _ = scene.y0  # refuses a scene without a start before compilation
     loosest, finest = check_errors(errors)
     limit = read_positive(budget, "budget")
-    check_progress(progress)
     measures = MEASURES if measure == "all" else (check_measure(measure),)
     if SOLUTION not in measures and not scene.is_hamiltonian:
         problem = "energy cannot: it has no energy that is conserved"
@@ -285,7 +291,7 @@ def work_precision(
         )
     chosen, left_out = candidates(scene, methods)
     total = 2 * len(chosen)
-    report = progress or (lambda done, total: None)
+    report = check_progress(progress) or (lambda done, total: None)
     for k, candidate in enumerate(chosen):
         report(k, total)
         steps = stepper(candidate.method, scene, solver=candidate.solver)
@@ -302,6 +308,7 @@ def work_precision(
     for k, candidate in enumerate(chosen):
         report(len(chosen) + k, total)
         swept.append(sweep(judge, candidate, finest, limit))
+    report(total, total)
     return WorkPrecision(judge, (loosest, finest), timed_curves(judge, swept), left_out)
 
 
@@ -370,7 +377,7 @@ def _advice(error: float, choice: Recommendation | str) -> str:
     """The recommendation for an error, in a sentence."""
     wanted = next(text for digits in range(17) if float(text := f"{error:.{digits}e}") == error)
     if isinstance(choice, str):
-        return f"Error {wanted}: {choice}."
+        return as_sentence(f"Error {wanted}: {choice}")
     others = ", ".join(f"{name} {duration(t)}" for name, t in sorted(choice.examined.items(), key=lambda x: x[1]))
     return (
         f"Error {wanted}: {choice.method} with h = {choice.h:.6g}, {choice.steps:,} steps over {choice.span:g}, "
@@ -396,23 +403,30 @@ def name_curves(panel: Axes, size: float = NAME_SIZE) -> Legend:
     return draw_legend(panel, lines, fontsize=size)
 
 
-def draw(curves: Sequence[Curve], errors: tuple[float, float], measures: Sequence[str], title: str) -> Figure:
+def draw(
+    curves: Sequence[Curve], errors: tuple[float, float], measures: Sequence[str], title: str, against: str = SECONDS
+) -> Figure:
     """A figure with a panel for each measure that a method has values of; see `draw_panel`."""
     shown = [measure for measure in measures if any(curve.front(measure) for curve in curves)]
     with print_style():
         figure = new_figure((WIDTH, HEIGHT * len(shown)))
         panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
         for panel, measure in zip(panels, shown, strict=True):
-            draw_panel(panel, curves, errors, measure)
+            draw_panel(panel, curves, errors, measure, against)
         panels[0].set_title(title)
     return figure
 
 
-def draw_panel(panel: Axes, curves: Sequence[Curve], errors: tuple[float, float], measure: str) -> None:
-    """Draw CPU times against an error: the Pareto front of each method, strong if it is the cheapest for some error."""
+def draw_panel(
+    panel: Axes, curves: Sequence[Curve], errors: tuple[float, float], measure: str, against: str = SECONDS
+) -> None:
+    """Draw the cost against an error: the Pareto front of each method, strong if it is the cheapest for some error."""
+    if against not in COSTS:
+        raise IntegratorError(f"against must be one of {', '.join(COSTS)}, but was {shown(against)}")
+    curves = curves if against == SECONDS else [curve.counted() for curve in curves]
     loosest, finest = errors
     limits = min(10 * loosest, 1.0), finest / 10  # so that curves do not end at the edges
-    panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel="CPU time in seconds", xlim=limits)
+    panel.set(xscale="log", yscale="log", xlabel=AXES[measure], ylabel=COSTS[against], xlim=limits)
     panel.grid(color="#dddddd", linewidth=0.4)
     best = set[str]()
     for error in (loosest * (finest / loosest) ** (k / 50) for k in range(51)):  # five or more in a power of ten

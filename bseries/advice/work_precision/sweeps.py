@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from time import thread_time
 from typing import NamedTuple, TypeVar
 
@@ -37,8 +39,11 @@ from integrators.reference.solution import reference_solution
 from integrators.runs.integration import integrate
 from integrators.runs.scipy_solvers import right_hand_side
 from integrators.scenes.scene import Scene
+from integrators.steppers.plan import Nodes, plan
 from integrators.steppers.states import StepError
-from integrators.steppers.stepping import stepper
+from integrators.steppers.step_model import Call
+from integrators.steppers.stepping import method_pieces, stepper
+from integrators.steppers.structure import Structure
 
 Methods = Iterable[Method | str] | Method | str
 
@@ -67,6 +72,7 @@ class Candidate(NamedTuple):
     name: str
     method: Method
     solver: str = "fixed-point"
+    evaluations: int | None = None  # of f in a step, where the number is fixed
 
 
 def candidates(scene: Scene, methods: Methods = AUTO) -> tuple[list[Candidate], dict[str, str]]:
@@ -91,7 +97,24 @@ def candidate(scene: Scene, given: Method | str) -> Candidate:
     """A method, or the name of one, as a candidate for a scene."""
     found = Candidate(given, method(given)) if isinstance(given, str) else Candidate(given.name, given)
     stepper(found.method, scene, solver=found.solver)
-    return found
+    return found._replace(evaluations=evaluations(found.method, scene))
+
+
+def evaluations(method: Method, scene: Scene) -> int | None:
+    """How often a step evaluates f, in the block of variables where it does so most often.
+
+    What the step before has evaluated is not counted again. None where steps iterate, or where derivatives or exact
+    flows are computed, too.
+
+    Example:
+        >>> import bseries as bs
+        >>> [evaluations(bs.method(name), bs.scene("kepler")) for name in ("rk4", "leapfrog", "RK45", "gauss2")]
+        [4, 1, 6, None]
+    """
+    work = plan(Nodes(method, Structure(scene, method_pieces(method, scene, None)))).computed
+    calls = [call for call in work if isinstance(call, Call) and call.node.kind == "field"]
+    counts = Counter(block for call in calls for block in call.blocks)
+    return max(counts.values(), default=0) if len(calls) == len(work) else None
 
 
 def _named(scene: Scene, methods: Methods) -> dict[str, Method | str]:
@@ -319,6 +342,12 @@ class Curve(NamedTuple):
     def seconds(self, error: float, measure: str = SOLUTION) -> float | None:
         """CPU seconds over the span for an error, interpolated between rows; None if no row reaches it."""
         return seconds_at(self.front(measure), error)
+
+    def counted(self) -> Curve:
+        """The curve with evaluations of f in place of CPU seconds; without rows where their number is not known."""
+        count = self.candidate.evaluations
+        rows = (row._replace(cost=row.cost and replace(row.cost, seconds=float(count or 0))) for row in self.rows)
+        return self._replace(rows=tuple(rows) if count else ())
 
     def sizes(self, measure: str) -> dict[int, float]:
         """The errors of the rows by number of steps, infinite where runs failed."""

@@ -226,7 +226,7 @@ class StabilityFunction(ImmutableValue):
         """The region of stability |R(z)| ≤ 1, or the order star |R(z)| > |exp z| with zeros ○ and poles ×.
 
         Args:
-            ax: The axes; None for those of a new figure.
+            ax: The axes; None for pyplot's current or new ones.
             order_star: Whether the order star is drawn.
             window: The ends (left, right, bottom, top) of the axes; by default, of the region, or of zeros and poles.
 

@@ -94,7 +94,7 @@ def read_assignments(texts: Iterable[str], option: str, example: str) -> dict[st
         if not (name and value):
             raise Refusal(f"{option} must be NAME=VALUE, as in {example}, but was {text!r:.60}")
         if name in values:
-            raise Refusal(f"{option} must give each name once, but gave {name!r:.60} twice")
+            raise Refusal(f"{option} must give each name once, as in {example}, but gave {name!r:.60} twice")
         values[name] = value
     return values
 
@@ -105,12 +105,12 @@ def is_file(source: str, suffixes: tuple[str, ...]) -> bool:
 
 
 def completions(names: Iterable[tuple[str, str]], incomplete: str, files: tuple[str, ...] = ()) -> list[CompletionItem]:
-    """Names with their help that complete a word; files if it begins one with such a suffix."""
+    """Names with their help that complete a word; files if it begins one with such a suffix, or no name."""
     from click.shell_completion import CompletionItem
 
-    if files and (is_file(incomplete, files) or incomplete.startswith(".")):
-        return [CompletionItem(incomplete, type="file")]
-    return [CompletionItem(name, help=text) for name, text in names if name.startswith(incomplete)]
+    begins_file = is_file(incomplete, files) or incomplete.startswith(".")
+    found = [CompletionItem(name, help=text) for name, text in names if name.startswith(incomplete)]
+    return [CompletionItem(incomplete, type="file")] if files and (begins_file or not found) else found
 
 
 def adds(*options: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

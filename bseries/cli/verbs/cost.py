@@ -40,6 +40,7 @@ USUAL = (1e-3, 1e-6, 1e-9)
     "--error", "wanted", metavar="E", type=POSITIVE, multiple=True,
     help="An accuracy to recommend a method for; repeatable.",
 )  # fmt: skip
+@click.option("--against", metavar="WHAT", default="seconds", help="The cost in --plot: seconds, or evaluations of f.")
 @click.option("--budget", metavar="S", type=POSITIVE, help="CPU seconds for the longest run; by default, 0.2.")
 @takes_plot
 @functools.partial(takes_output, formats=NO_LATEX)
@@ -51,6 +52,7 @@ def cost(
     start: dict[str, list[str]] | None,
     errors: str,
     wanted: Sequence[float],
+    against: str,
     budget: float | None,
     plot: PlotFile,
     output: Output,
@@ -61,7 +63,7 @@ def cost(
     Runs methods that suit the scene over a range of steps, measures errors of the solution (against a reference) and
     of the energy, and times the steps in separate runs. Prints the CPU time for each power of ten of the error (empty
     where a method does not reach it), the cheapest one with *, and recommends a method and a step for each --error.
-    --plot draws the diagram; --format csv and json have all runs.
+    --plot draws the diagram; --format csv and json have all runs, with evaluations of f, too.
 
     \b
     Examples:
@@ -72,8 +74,12 @@ def cost(
       bseries cost kepler --effect relativity --format json -o kepler.json
       bseries cost --hamiltonian "p^2/2 + q^4/4" --start "p=0;q=1" --methods stormer-verlet,gauss4,mine.toml
     """
-    from bseries.advice.work_precision.precision_curves import BUDGET, check_errors, draw, work_precision
+    from bseries.advice.work_precision.precision_curves import BUDGET, COSTS, check_errors, draw, work_precision
 
+    if against not in COSTS:
+        raise Refusal(f"against must be one of {', '.join(COSTS)}, but was {against!r:.60}")
+    if against != "seconds" and plot.path is None:
+        raise Refusal("against must come with --plot, but came without; --format csv has both costs")
     scene = scene if start is None else scene.with_start(**start)
     pieces = errors.split(":")
     if len(pieces) != 2:
@@ -84,7 +90,7 @@ def cost(
     given: Any = [read_method(name) if is_file(name, SUFFIXES) else name for name in names]
     chosen = "auto" if methods is None else "all" if names == ["all"] else given
     found = work_precision(chosen, scene, **options)
-    plot.save(lambda: draw(found.curves, found.errors, found.measures, found.title))
+    plot.save(lambda: draw(found.curves, found.errors, found.measures, found.title, against))
     if output.has_records:
         return found.to_table()
     goals = wanted or [error for error in USUAL if finest <= error <= loosest] or [loosest]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bseries.cli.application import Refusal, standard_input
-from bseries.cli.output import Output, Progress, make_folder, takes_output
+from bseries.cli.output import Output, Progress, complete_file, make_folder, takes_output
 from bseries_base.table import Table
 
 if TYPE_CHECKING:
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("-o", "--output", "path", metavar="FOLDER", help="The folder, which is made if it is not there.")
+@click.option(
+    "-o", "--output", "path", metavar="FOLDER", shell_complete=complete_file,
+    help="The folder, which is made if it is not there.",
+)  # fmt: skip
 @click.option(
     "--document", "documents", metavar="NAME", multiple=True,
     help="slides, handout, exercises or solutions; repeatable. By default, all.",

@@ -11,7 +11,7 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_scene, takes_start
 from bseries.cli.options.values import WholeNumber
-from bseries.cli.output import Progress
+from bseries.cli.output import Progress, complete_file
 
 if TYPE_CHECKING:
     from bseries.cli.options.method_argument import Method
@@ -58,7 +58,9 @@ def explore(port: int, opens: bool) -> None:
 @click.command()
 @takes_method()
 @takes_scene(as_argument=True, required=False)
-@click.option("-o", "--output", "path", metavar="FILE", help="The file, which ends in .html.")
+@click.option(
+    "-o", "--output", "path", metavar="FILE", shell_complete=complete_file, help="The file, which ends in .html."
+)
 @click.option("--order", type=WholeNumber(), help="The largest number of nodes of trees; by default, about 100 trees.")
 @click.option("--span", metavar="T", help="The length of time of solutions; by default, 20.")
 @takes_start

@@ -14,7 +14,7 @@ from bseries.cli.application import Refusal
 from bseries.cli.options.method_argument import read_method
 from bseries.cli.options.scene_argument import read_scene
 from bseries.cli.options.values import completions, read_assignments
-from bseries.cli.output import Output, Progress, make_folder
+from bseries.cli.output import Output, Progress, complete_file, make_folder
 from bseries_base.table import Column, Table, csv_lines, paragraphs
 from integrators.core.arguments import split_row
 
@@ -38,10 +38,19 @@ def complete_figure(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 @click.command()
 @click.argument("name", metavar="[NAME]", required=False, shell_complete=complete_figure)
-@click.option("-o", "--output", "path", metavar="FILE", help="The picture: .png, .svg or .pdf. With --all, a folder.")
-@click.option("--data", metavar="FILE", help="The numbers as CSV; - for standard output. With --all, a folder.")
+@click.option(
+    "-o", "--output", "path", metavar="FILE", shell_complete=complete_file,
+    help="The picture: .png, .svg or .pdf. With --all, a folder.",
+)  # fmt: skip
+@click.option(
+    "--data", metavar="FILE", shell_complete=complete_file,
+    help="The numbers as CSV; - for standard output. With --all, a folder.",
+)  # fmt: skip
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of an option; repeatable.")
-@click.option("--animate", metavar="FILE", help="The figure in motion: .gif or .mp4, of at most 150 frames.")
+@click.option(
+    "--animate", metavar="FILE", shell_complete=complete_file,
+    help="The figure in motion: .gif or .mp4, of at most 150 frames.",
+)  # fmt: skip
 @click.option("--list", "listed", is_flag=True, help="All figures with their options.")
 @click.option("--all", "everything", is_flag=True, help="Draw all figures.")
 @click.option("--format", "format_", metavar="FORMAT", help="With --all: png, svg or pdf; by default, png.")

@@ -81,7 +81,7 @@ def shadow(
     chosen = None
     if columns is not None:
         pieces = re.split(r"[;,]\s*(?=\w+\s*=)|;\s*$", columns)  # commas separate names of one role as well
-        chosen = read_assignments(filter(None, pieces), "columns", '"q=x*,v=vx*"')
+        chosen = read_assignments(filter(None, pieces), "columns", '"q=[xy],v=v*"')
     source = standard_input() if file == "-" else file
     report = shadow_energy(source, scene, columns=chosen, progress=output.progress.update, **options)
     table = report.to_table(bound)

@@ -14,7 +14,7 @@ from bseries.cli.options.expectation import Expectation
 from bseries.cli.options.method_argument import takes_method
 from bseries.cli.options.scene_argument import takes_parts, takes_scene, takes_start
 from bseries.cli.options.values import REAL, WholeNumber, takes_step
-from bseries.cli.output import NO_LATEX, Output, PlotFile, takes_output, takes_plot
+from bseries.cli.output import NO_LATEX, Output, PlotFile, complete_file, takes_output, takes_plot
 from bseries_base.table import Table, number_column
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def simulate_ensemble(
     with pool as executor:
         try:
             result = ensemble(
-                method, scene, sample=sample, members=members, seed=many["seed"], change=many["change"],
+                method, scene, sample=sample, members=members, rng=many["seed"], change=many["change"],
                 keep=many["keep"], final=True, executor=executor, workers=workers, progress=watch, **options,
             )  # fmt: skip
         except KeyboardInterrupt:
@@ -142,13 +142,14 @@ MOST_ROWS = 60
 
 
 def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
-    """Make -o the trajectory file of a verb; the summary is always written to stdout."""
+    """Make -o FILE.npz the trajectory file of a verb, whose summary goes to stdout; other files have the output."""
 
     @functools.wraps(write)
     def call(*, path: str | None, format_: str | None, **options: Any) -> None:
-        if path is not None and not path.lower().endswith(".npz"):
-            raise Refusal(f"output must end in .npz, but was {path!r:.60}; the summary goes to stdout")
-        write(path=None, format_=format_ or "table", to=path, **options)
+        if path is not None and path.lower().endswith(".npz"):
+            write(path=None, format_=format_ or "table", to=path, **options)
+        else:
+            write(path=path, format_=format_, to=None, **options)
 
     return call
 
@@ -170,7 +171,9 @@ def takes_trajectory_file(write: Callable[..., None]) -> Callable[..., None]:
     "--observe-every", type=WholeNumber(), metavar="K", help="Observe every K-th state; by default those stored."
 )
 @click.option("--solver", metavar="NAME", default="auto", help="auto, fixed-point, or newton for stiff scenes.")
-@click.option("--checkpoint", metavar="FILE", help="Continue from FILE if it exists, and update it.")
+@click.option(
+    "--checkpoint", metavar="FILE", shell_complete=complete_file, help="Continue from FILE if it exists, and update it."
+)
 @click.option(
     "--predict/--no-predict",
     "predict",
@@ -203,8 +206,8 @@ def simulate(
 
     Prints the initial and final states, and the errors of the energy or of the quantities named by --observe.
     -o FILE.npz stores the trajectory for NumPy: t, y (variables, times), observed/NAME. It is written during the run,
-    so it may be larger than memory; --format csv prints it. --plot draws the changes of observed quantities over time,
-    such as the error of the energy; without any, the variables.
+    so it may be larger than memory; -o FILE.csv has a line for each state. --plot draws the changes of observed
+    quantities over time, such as the error of the energy; without any, the variables.
 
     --ensemble K integrates from K random starts, given by --temperature or --spread, on all cores. The result is
     statistics of the observed quantities; they do not depend on the number of cores. --checkpoint then names a folder.

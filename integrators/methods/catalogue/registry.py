@@ -235,8 +235,14 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
     return family, int(digits)
 
 
+MULTISTEP = ("lsoda", "lsode", "vode", "cvode", "bdf", "qndf", "ode113", "ode15s")
+"""What other packages have and this catalogue cannot have."""
+
+
 def _miss(name: str, key: str) -> str:
     """The error message for an unknown name; it suggests names that contain it, then names with similar spelling."""
+    if key in MULTISTEP:
+        return f"name must be a one-step method, radau-iia3 for stiff scenes, but {name} is a multistep method"
     near: dict[str, str] = {}
     if 1 < len(key) <= 60:
         index = REGISTER.index

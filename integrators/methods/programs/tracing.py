@@ -9,7 +9,6 @@ from __future__ import annotations
 import linecache
 import math
 import operator
-import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from inspect import currentframe
@@ -17,7 +16,7 @@ from traceback import walk_stack, walk_tb
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from bseries_base.errors import shorten, shown
+from bseries_base.errors import shorten, shown, warn_user
 from integrators.core.arguments import FAILURES, check_partition_names, parameters_of, required, without_axes
 from integrators.core.errors import IntegratorError
 from integrators.exact.entries import Entry, multiply_entries, read_entry, sum_entries
@@ -201,7 +200,7 @@ class Recorder:
             if float(near) != value:
                 return float(value)
             if near != Fraction(value):
-                warnings.warn(f"{value!r} is read as {near}; Fraction({str(near)!r}) says so", stacklevel=4)
+                warn_user(f"{value!r} is read as {near}; Fraction({str(near)!r}) says so", UserWarning)
             return near
         if isinstance(value, str | bool) or value is None:
             return None

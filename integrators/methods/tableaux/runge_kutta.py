@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
-from bseries_base.errors import shorten, shown
+from bseries_base.errors import shorten, shown, warn_user
 from bseries_base.table import Document, Table
 from integrators.core.arguments import check_digits, items, read_labels
 from integrators.core.errors import IntegratorError
@@ -37,7 +36,8 @@ class RungeKutta(FromRegisters, Method):
     assumptions. Methods with equal entries, domain and digits are equal, whatever their names.
 
     Args:
-        A, b: the stage matrix, a square array by rows, and the weights.
+        A, b: the stage matrix, by rows, and the weights; rows of a strictly lower triangular matrix may end at the
+            diagonal.
         c: the nodes; by default the row sums of A.
         embedded: a second row of weights for error estimates, or a sequence of rows; stored as a tuple of rows.
         parameters: the symbols allowed in formulas.
@@ -411,6 +411,8 @@ def _read_tableau(
     if not 1 <= stages <= MAX_STAGES:
         size = f"at most {MAX_STAGES} rows, but has {stages}" if stages else "at least one row, but was empty"
         raise IntegratorError(f"A must have {size}")
+    if stages > 1 and all(len(row) == i for i, row in enumerate(raw)):  # explicit rows, as books write them
+        raw = [row + [0] * (stages - len(row)) for row in raw]
     first = len(raw[0])
     for i, row in enumerate(raw, 1):
         if len(row) != first:
@@ -513,6 +515,6 @@ def check_known(values: Mapping[str, object], parameters: Sequence[str]) -> None
 
 
 def emit(issues: Iterable[str]) -> None:
-    """Warn of each issue at the caller of the constructor."""
+    """Warn of each issue."""
     for issue in issues:
-        warnings.warn(issue, TableauWarning, stacklevel=3)
+        warn_user(issue, TableauWarning)

@@ -177,7 +177,8 @@ def as_scene(value: Scene | str) -> Scene:
     if isinstance(value, str):
         return scene(value)
     if not isinstance(value, Scene):
-        raise IntegratorError(f"scene must be a Scene or the name of one, but was {shown(value)}")
+        hint = ", which scene_from_function makes of a function" if callable(value) else ""
+        raise IntegratorError(f"scene must be a Scene or the name of one{hint}, but was {shown(value)}")
     return value
 
 

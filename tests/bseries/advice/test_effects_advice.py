@@ -312,7 +312,7 @@ MISTAKES = {
     "empty": (("pendulum",), {"effects": []}, "effects must name one effect or more, or be None"),
     "start": (("pendulum",), {"start": [1, 2]}, r"start must map names to values, but was \[1, 2\]"),
     "parameters": (("pendulum",), {"parameters": "gamma=1"}, "parameters must map names to values, but was 'gamma=1'"),
-    "progress": (("pendulum",), {"progress": 5}, "progress must be a function of two numbers, but was 5"),
+    "progress": (("pendulum",), {"progress": 5}, "progress must be a function of two numbers, True or None, but was 5"),
     "block": (("pendulum",), {"start": {"x": [1]}}, "there is no block x; the blocks are p, q"),
     "zero step": (("pendulum",), {"h": 0}, "span must be positive, and h not zero, but they were 1 and 0"),
     "no span": (("pendulum",), {"span": -1}, "span must be positive"),

@@ -281,7 +281,7 @@ def test_the_energy_as_the_measure(pendulum):
         ({"measure": "speed"}, "measure must be one of solution, energy, but was 'speed'"),
         ({"budget": 0}, "budget must be positive, but was 0"),
         ({"budget": True}, "budget must be a finite number, but was True"),
-        ({"progress": 5}, "progress must be a function of two numbers, but was 5"),
+        ({"progress": 5}, "progress must be a function of two numbers, True or None, but was 5"),
     ],
 )
 def test_bad_arguments(options, message):
@@ -320,3 +320,21 @@ def test_the_picture_has_a_panel_for_each_measure_and_all_names(pendulum):
     legend = figure.axes[0].get_legend()
     assert legend is not None
     assert {text.get_text() for text in legend.get_texts()} == set(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("name", "scene", "count"),
+    [
+        ("rk4", "kepler", 4),
+        ("dormand-prince54", "kepler", 6),  # seven stages, of which the last is the next step's first
+        ("bs32", "lotka-volterra", 3),
+        ("stormer-verlet-kdk", "kepler", 1),
+        ("stormer-verlet-dkd", "kepler", 1),
+        ("implicit-midpoint", "kepler", None),
+        ("strang", "lotka-volterra", None),  # exact flows of parts
+    ],
+)
+def test_evaluations_are_those_that_a_step_makes(name, scene, count):
+    from bseries.advice.work_precision.sweeps import evaluations
+
+    assert evaluations(bs.method(name), bs.scene(scene)) == count

@@ -271,7 +271,6 @@ def test_long_series_are_shown_in_part():
     ("call", "message"),
     [
         (lambda: bs.series(4, 4), "method must be a method such as method.* or a series on trees, .* but was 4"),
-        (lambda: bs.modified_equation(RK4), "order must be given for a method"),
         (lambda: bs.series(RK4, 30), "order must be smaller: a series of 550695545884 trees would take"),
         (lambda: bs.series(RK4, bs.TreeTable(3, 2)), "order must be a table of trees in 1 colours, but was TreeTable"),
         (lambda: bs.series(RK4, bs.TreeTable(3), max_children=1), "max_children must be None where a table is given"),

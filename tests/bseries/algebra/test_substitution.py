@@ -224,7 +224,6 @@ W = bs.PartitionedRungeKutta(
         (lambda: bs.substitute(identity_field(3), bs.method("stormer-verlet")), "b must have the colours .* p, q"),
         (lambda: bs.substitute(identity_field(3), "rk4"), "method must be a method .* a property `program`"),
         (lambda: bs.modifying_integrator(identity_field(3)), "method must be a flow"),
-        (lambda: bs.modifying_integrator(bs.method("rk4")), "order must be given for a method"),
         (lambda: bs.modifying_integrator(bs.exact_flow(3), 4), "order must be at most 3"),
         (lambda: bs.modifying_integrator(W, 3), "sums of the weights of custom must not be 0, .* for p"),
         (

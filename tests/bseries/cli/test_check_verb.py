@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 
 import pytest
 
@@ -79,7 +80,23 @@ def test_rows_of_every_format_agree(answer):
     for name, value in found.items():
         assert any(line.split("  ", 1)[0] == name and line.endswith(value) for line in table.splitlines())
         assert f"| `{name}` | `{value}` |" in markdown
-    assert r"e([[[[$\tau$]]]]) & $\frac{1}{780}$ \\" in answer("check", "fehlberg45", "--format", "latex")
+    assert r"$e([[[[\tau]]]])$ & $\frac{1}{780}$ \\" in answer("check", "fehlberg45", "--format", "latex")
+
+
+@pytest.mark.parametrize("method", ["rk4", "gauss2", "sdirk2", "crouzeix3", "stormer-verlet", "dop853"])
+def test_every_number_tree_and_formula_in_latex_is_mathematics(answer, method):
+    """Outside of dollars there are words only, with numbers of nodes and names of parts."""
+    rows = answer("check", method, "--format", "latex").splitlines()[2:-1]
+    for row in rows:
+        name, value = row.removesuffix(r" \\").split(" & ")
+        words = re.sub(r"\$[^$]*\$", "", value)
+        assert re.fullmatch(r"[a-z ]*(\d+ nodes?[a-z, ]*)?[, ]*", words), row
+        assert not re.search(r"[\[\]^\\]", re.sub(r"\$[^$]*\$", "", name)), row
+    assert len(rows) > 10
+    if method == "rk4":
+        assert r"stability function & $1 + z + \frac{1}{2} z^{2} + \frac{1}{6} z^{3} + \frac{1}{24} z^{4}$ \\" in rows
+        assert r"stability at infinity & $\infty$ \\" in rows
+        assert r"symplectic & to 4 nodes, not for $[\tau,[[\tau]]]$ \\" in rows
 
 
 def test_nonzero_and_long_lists(answer):

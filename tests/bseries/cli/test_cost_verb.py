@@ -120,6 +120,8 @@ def test_what_does_not_fit_and_what_is_out_of_reach_is_said(answer):
         (("pendulum", "--errors", "1:2"), "errors must be two numbers from 1 to 1e-15"),
         (("pendulum", "--span", "0"), "span must be positive"),
         (("pendulum", "--measure", "x"), "measure must be one of solution, energy, but was 'x'"),
+        (("pendulum", "--against", "steps"), "against must be one of seconds, evaluations, but was 'steps'"),
+        (("pendulum", "--against", "evaluations"), "against must come with --plot, but came without"),
         (("pendulum", "--format", "latex"), "format must be one of table, json, csv, markdown, html, but was 'latex'"),
         (("pendulum", "-o", "k.tex"), "output must end in one of .txt, .json, .csv, .md, .html where"),
         (("pendulum", "--span", "1e300"), "span must be at most 6.02e+05 for pendulum"),

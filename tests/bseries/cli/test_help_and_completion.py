@@ -69,9 +69,17 @@ def test_completion(run, monkeypatch, words, expected):
     assert {line.partition(",")[2] for line in lines} == expected
 
 
-def test_completion_of_paths(monkeypatch):
+@pytest.mark.parametrize(
+    "words",
+    [
+        "modified ./ta", "modified tab", "modified rk4 -o ta", "simulate kepler --checkpoint ta", "simulate my",
+        "figure riccati --data ta", "cost kepler --plot ta", "course --output ta", "report -o ta", "shadow ta",
+    ],
+)  # fmt: skip
+def test_completion_of_paths(monkeypatch, words):
     from click.shell_completion import BashComplete
 
-    monkeypatch.setenv("COMP_WORDS", "bseries modified ./ta")
-    monkeypatch.setenv("COMP_CWORD", "2")
-    assert BashComplete(application, {}, "bseries", "_BSERIES_COMPLETE").complete() == "file,./ta"
+    monkeypatch.setenv("COMP_WORDS", f"bseries {words}")
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split())))
+    found = BashComplete(application, {}, "bseries", "_BSERIES_COMPLETE").complete()
+    assert found == f"file,{words.split()[-1]}"

@@ -8,6 +8,8 @@ import pytest
 from bseries.cli.output import Progress
 from integrators.core.arguments import split_row
 
+pytestmark = pytest.mark.minimum
+
 
 @pytest.mark.parametrize(
     ("text", "entries"),

@@ -12,6 +12,8 @@ import time
 import psutil
 import pytest
 
+pytestmark = pytest.mark.minimum
+
 BSERIES = [sys.executable, "-c", "from bseries_command import main; main()"]
 RUN = ["simulate", "pendulum", "--method", "rk4", "--step", "1/10", "--steps", "3"]
 LONG = ["simulate", "pendulum", "--method", "rk4", "--step", "0.001", "--steps", "100000000"]

@@ -7,6 +7,8 @@ from fractions import Fraction
 
 import pytest
 
+import bseries as bs
+
 # The modified equation of RK4 at h^4: weights b(τ)/σ(τ), which are the classical principal error coefficients
 # (Butcher, Numerical Methods for Ordinary Differential Equations, section 318).
 RK4_WEIGHTS = {
@@ -80,6 +82,21 @@ def test_all_formats_give_the_published_weights(answer):
     assert {row[1].strip(): row[3].strip() for row in table_rows(answer(*call, "table"))} == expected
     assert {row[1]: row[3] for row in markdown_rows(answer(*call, "markdown"))} == expected
     assert r"- \frac{1}{720} h^{4}\, f'(f'''(f,f,f))" in answer(*call, "latex")
+
+
+def test_long_series_break_in_latex(answer):
+    """The lines of the align are the terms of the sum in one line, and fit a page."""
+    formula = bs.modified_equation("rk4", 6).to_latex()
+    text = answer("modified", "rk4", "--order", "6", "--format", "latex")
+    first, *lines, last = text.splitlines()
+    assert (first, last) == (r"\begin{align*}", r"\end{align*}")
+    assert len(lines) > 5
+    assert all(len(line) < 140 and line.endswith(r" \\") for line in lines[:-1])
+    assert " ".join(line.removeprefix("&").removeprefix(r"\quad ").removesuffix(r" \\") for line in lines) == formula
+    assert "\n" not in formula
+    short = answer("modified", "rk4", "--order", "4", "--format", "latex")
+    assert short == "f\n"
+    assert answer("series", "explicit-euler", "--order", "2", "--format", "latex") == "y + h\\, f\n"
 
 
 def test_zeros_are_listed_unless_nonzero(answer):

@@ -101,6 +101,7 @@ def test_a_bound_can_be_anything(answer, stored):
         (("run.npz", "--bound", "1e400"), "bound must be a number that a double can hold, but was '1e400'"),
         (("run.npz", "--bound", "0"), "bound must be a positive energy, but was 0.0"),
         (("run.npz", "--columns", "q"), "columns must be NAME=VALUE"),
+        (("run.csv", "--columns", "q=x,q=y"), "each name once, as in \"q=[xy],v=v*\", but gave 'q' twice"),
         (
             ("run.npz", "--layout", "x"),
             "layout must be one of full, half-behind, half-ahead, drift-kick-drift, but was 'x'",

@@ -123,7 +123,7 @@ def test_scenes_without_energy_show_the_state(rows):
             ["--step", "1", "--steps", "1", "--format", "latex"],
             "format must be one of table, json, csv, markdown, html, but",
         ),
-        (["--step", "1", "--steps", "1", "-o", "run.txt"], "output must end in .npz, but was 'run.txt'"),
+        (["--step", "1", "--steps", "1", "-o", "run.xyz"], "where --format is not given, but was 'run.xyz'"),
         (["--step", "1", "--steps", "1", "-o", "no/run.npz"], "must be a folder that can be written, but was not"),
         (["--step", "1", "--steps", "9", "--observe-every", "2", "--format", "csv"], "observe-every must be left out"),
         (["--step", "1e400", "--steps", "1"], "h must be a finite number"),
@@ -177,3 +177,11 @@ def test_interrupt_and_resume(tmp_path):
     subprocess.run(command("whole.npz", "other"), check=True, stdout=subprocess.DEVNULL)
     assert (tmp_path / "run.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.npz", "whole.npz"]
+
+
+def test_the_suffix_of_the_output_is_its_format(answer, tmp_path):
+    path = tmp_path / "k.csv"
+    command = ("simulate", "kepler", "--method", "rk4", "--step", "0.1", "--steps", "3")
+    assert answer(*command, "-o", str(path)) == ""
+    assert path.read_text(encoding="utf-8") == answer(*command, "--format", "csv")
+    assert len(path.read_text(encoding="utf-8").splitlines()) == 5

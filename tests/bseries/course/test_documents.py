@@ -16,6 +16,8 @@ from bseries.exceptions import SeriesError
 from bseries_base.extras import MissingPackage
 from integrators import IntegratorError
 
+pytestmark = pytest.mark.minimum
+
 pytest.importorskip("pypandoc")
 ROOT = Path(__file__).parents[3]
 FOLDER = Path(documents.__file__).parent

@@ -12,6 +12,8 @@ import pytest
 from bseries.course import documents
 from bseries.course.documents import html_page, parsed, pdf_pages, typst_source, without
 
+pytestmark = pytest.mark.minimum
+
 pytest.importorskip("pypandoc")
 DOCUMENTS = documents.DOCUMENTS
 VOID = {"meta", "img", "br", "hr", "col", "input"}

@@ -11,6 +11,8 @@ from bseries.explorer.report import report_html
 from integrators import RungeKutta
 from integrators.methods.tableaux.files import loads_method
 
+pytestmark = pytest.mark.minimum
+
 pytest.importorskip("bokeh")
 
 MOST_BYTES = 5_000_000

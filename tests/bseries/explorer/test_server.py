@@ -26,6 +26,8 @@ from bseries.explorer.reading import Request
 from bseries.explorer.server import Frame, frame_answer, read_arguments
 from bseries.explorer.workers import NotComputed, Worker, Workers
 
+pytestmark = pytest.mark.minimum
+
 pytest.importorskip("bokeh")
 
 

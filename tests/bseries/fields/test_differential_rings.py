@@ -9,6 +9,8 @@ from bseries import SeriesError
 from bseries.fields.differential_rings import DifferentialRing, Lattice
 from bseries.fields.polynomials import TooLarge
 
+pytestmark = pytest.mark.minimum
+
 x, y, a, k = sympy.symbols("x y a k")
 sin, cos, tan, exp, log, sqrt = sympy.sin, sympy.cos, sympy.tan, sympy.exp, sympy.log, sympy.sqrt
 sinh, cosh, tanh = sympy.sinh, sympy.cosh, sympy.tanh

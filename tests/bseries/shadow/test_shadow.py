@@ -567,7 +567,7 @@ REFUSED = [
     ("inf, box", lambda a: with_inf(a, "q", 9), {"period": 9}, "must have finite positions, but those of state 10 "),
     ("inf force", lambda a: with_inf(a, "gradU", 9), {}, "must have finite forces, but those of state 10 are not"),
     ("tolerance", lambda a: a, {"tolerance": -1}, "tolerance must be 0 or more, but was -1"),
-    ("progress", lambda a: a, {"progress": 5}, "progress must be a function of two numbers, but was 5"),
+    ("progress", lambda a: a, {"progress": 5}, "progress must be a function of two numbers, True or None, but was 5"),
     ("overflow", lambda a: free(1e200), {}, "must have finite shadow energies, but those of state 5 are not"),
     (
         "no potential",

@@ -16,6 +16,8 @@ import pytest
 from integrators.compile import modules
 from integrators.compile.modules import load_module
 
+pytestmark = pytest.mark.minimum
+
 ROOT = Path(__file__).parents[3]
 SOURCE = "def answer():\n    return {}\n"
 

@@ -22,6 +22,8 @@ from integrators.compile.modules import load_module
 from integrators.compile.printer import FUNCTIONS, Assign, count_operations, operation_cost, source_lines
 from integrators.exact.expressions import ELEMENTARY, literal, nearest_double, parse_expression
 
+pytestmark = pytest.mark.minimum
+
 SYMBOLS = x, y, z = sympy.symbols("x y z")
 NAMES = {symbol: symbol.name for symbol in SYMBOLS}
 ROOT = Path(__file__).parents[3]

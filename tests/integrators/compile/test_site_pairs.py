@@ -8,6 +8,8 @@ import pytest
 import integrators as bi
 from integrators.compile.scene_source import Ring, compiled_scene
 
+pytestmark = pytest.mark.minimum
+
 FORCES = {
     "gravity": "-m_i*m_j^2/sqrt((qx_i - qx_j)^2 + (qy_i - qy_j)^2)",  # what counts is who is the first of a pair
     "spring": "m_i*(qx_i - qx_j)^2/2 + s*(qx_i - qx_j)^4",

@@ -13,6 +13,8 @@ from integrators import IntegratorError
 from integrators.exact.arithmetic import MAX_DIGITS
 from integrators.exact.expressions import check_names, decimal_text, format_number, parse_expression, parse_number
 
+pytestmark = pytest.mark.minimum
+
 RATIONAL = {
     "1": 1,
     "-1/2": Fraction(-1, 2),

@@ -14,6 +14,8 @@ from integrators.methods import export_tableau, import_tableau
 from integrators.methods.exchange.tableaus import FORMATS
 from integrators.runs.scipy_solvers import scipy_solver
 
+pytestmark = pytest.mark.minimum
+
 VALUES = {"alpha": "3/7", "gamma": "2/7", "c2": "3/5", "c3": "6/7"}
 KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit")
 HOLD_NO_PAIRS = ("rungekutta.jl",)

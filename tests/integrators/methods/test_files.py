@@ -24,6 +24,8 @@ from integrators.core.text_files import MAX_BYTES, atomic_write, replacing
 from integrators.methods.tableaux import files as module
 from integrators.methods.tableaux.files import dumps_method, loads_method, save_method
 
+pytestmark = pytest.mark.minimum
+
 HEUN = RungeKutta([[0, 0], [1, 0]], ["1/2", "1/2"], name="heun2", reference="Heun 1900")
 GAUSS2 = RungeKutta([["1/4", "1/4 - sqrt(3)/6"], ["1/4 + sqrt(3)/6", "1/4"]], ["1/2", "1/2"])
 ALGEBRA = StageAlgebra([Fraction(1, 6), -1, 1], [[0, Fraction(-1, 12)], [1, Fraction(1, 2)]], [1, Fraction(1, 2)])

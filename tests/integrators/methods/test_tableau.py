@@ -15,6 +15,8 @@ import sympy
 
 from integrators import IntegratorError, PartitionedRungeKutta, RungeKutta, TableauWarning
 
+pytestmark = pytest.mark.minimum
+
 HALF = Fraction(1, 2)
 ROOT3 = sympy.sqrt(3)
 GAMMA = sympy.Symbol("gamma")

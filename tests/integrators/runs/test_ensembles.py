@@ -22,6 +22,8 @@ from integrators.runs.ensembles import Members, cluster_executor, ensemble, memb
 from integrators.runs.integration import integrate
 from integrators.runs.random_starts import perturbed_start, thermal_momenta
 
+pytestmark = pytest.mark.minimum
+
 ATOMS = scene("lennard-jones", particles=3)
 PENDULUM = scene("pendulum")
 RICCATI = Scene({"y": 1}, field={"y": "y^2"}, start={"y": [1]})
@@ -102,7 +104,7 @@ def test_the_size_of_blocks_does_not_change_a_bit(blocks, reference, monkeypatch
 
 
 def test_another_seed_changes_the_numbers(reference):
-    assert content(run(seed=1))[0] != reference[0]
+    assert content(run(rng=1))[0] != reference[0]
 
 
 def test_members_do_not_depend_on_how_many_there_are():
@@ -223,7 +225,7 @@ def test_a_function_that_fails_now_and_then_fails_single_members():
             raise RuntimeError("no luck")
         return [0.0, 1.0]
 
-    result = ensemble("stormer-verlet", PENDULUM, h=0.1, steps=5, sample=draw, members=20, seed=1)
+    result = ensemble("stormer-verlet", PENDULUM, h=0.1, steps=5, sample=draw, members=20, rng=1)
     unlucky = [k for k in range(20) if member_generator(1, k).random() < 0.4]
     assert [failure.member for failure in result.failures] == unlucky
     assert all(failure.reason == "start: no luck" for failure in result.failures)
@@ -573,3 +575,21 @@ def test_nothing_is_left_behind_but_blocks(tmp_path):
     run(members=2, checkpoint=tmp_path)
     assert sorted(os.listdir(tmp_path)) == ["block-000000.npz", "block-000001.npz", "ensemble.json"]
     assert json.loads(Path(tmp_path, "ensemble.json").read_text())["members"] == 2
+
+
+def test_random_numbers_are_given_as_rng():
+    """By SPEC 7 of Scientific Python; `seed` is the older name."""
+
+    def states(**options):
+        sample = perturbed_start(PENDULUM, 0.1)
+        return ensemble("rk4", PENDULUM, h=0.1, steps=2, sample=sample, members=3, final=True, **options).final.tolist()
+
+    assert states(rng=7) == states(seed=7) != states()
+    assert states() == states(rng=0)
+    assert states(rng=np.random.default_rng(5)) == states(rng=np.random.default_rng(5)) != states(rng=5)
+    generator = np.random.default_rng(5)
+    assert states(rng=generator) != states(rng=generator)
+    assert states(rng=None) != states(rng=None)
+    for name, value in (("rng", -1), ("rng", 1.5), ("seed", True), ("rng", "x")):
+        with pytest.raises(IntegratorError, match=f"{name} must be"):
+            states(**{name: value})

@@ -11,6 +11,8 @@ import pytest
 from integrators import IntegratorError, RungeKutta, Scene, catalogue, method, scene
 from integrators.runs.scipy_solvers import right_hand_side, scipy_solver
 
+pytestmark = pytest.mark.minimum
+
 integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
 

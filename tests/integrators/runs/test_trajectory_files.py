@@ -18,6 +18,8 @@ from integrators.runs.integration import integrate
 from integrators.runs.trajectory import Trajectory, load_trajectory
 from integrators.scenes.text import loads_scene
 
+pytestmark = pytest.mark.minimum
+
 PENDULUM = scene("pendulum")
 OPTIONS = {"h": 0.1, "steps": 103, "save_every": 10, "observe": ["energy", {"double energy": "energy"}]}
 

@@ -14,6 +14,8 @@ from integrators import Effect, IntegratorError, Scene, Term, load_scene, save_s
 from integrators.core.text_files import MAX_BYTES
 from integrators.scenes.text import loads_scene
 
+pytestmark = pytest.mark.minimum
+
 PENDULUM = """
 name = "pendulum"
 variables = {p = 1, q = 1}          # block = dimension, in the order of the state

@@ -12,6 +12,8 @@ from integrators.compile.scene_source import compiled_scene
 from integrators.reference.plain_steps import plain_steps
 from integrators.steppers import writer
 
+pytestmark = pytest.mark.minimum
+
 PENDULUM = bi.scene("pendulum")
 CONTROLLED = bi.stepper("rk4", PENDULUM, control="1/(1+p**2)")
 ROWS = [[1, 5], [2, 7], [3, 11], [4, 12], [5, 9], [6, 10], [7, 1], [8, 2], [9, 3]]
