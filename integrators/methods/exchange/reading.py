@@ -8,6 +8,7 @@ from pathlib import PurePath
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import read_text
 from integrators.methods.exchange.assignments import Assignments
+from integrators.methods.exchange.classes import with_orders_of_classes
 from integrators.methods.exchange.groups import Group
 from integrators.methods.exchange.records import Reading, Record
 from integrators.methods.exchange.tokens import LANGUAGES, MOST_UNCLOSED, Source, language_of
@@ -65,5 +66,7 @@ class Finder:
                     group.find()
                     if len(self.records) == count:
                         group.say_faults()
+        if self.source.language is LANGUAGES["python"]:
+            self.records = with_orders_of_classes(self.records, self.source.text)
         self.records.sort(key=lambda record: record.line)
         return Reading(tuple(self.records), tuple(self.unread))

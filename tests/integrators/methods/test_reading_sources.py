@@ -370,3 +370,26 @@ def test_what_is_said_before_a_block_and_at_its_beginning_belongs_to_its_method(
     assert "second-order" in record.claims["comment"]
     later = f"def f():\n    x = 1\n    # second-order\n    return x\n\ndef heun():\n{tables}"
     assert "comment" not in read_tableaus(later, name="mine.py").records[0].claims
+
+
+def test_the_order_that_a_class_returns_is_that_of_its_tableau():
+    text = """
+_mine_tableau = ButcherTableau(a_lower=([1 / 2],), b_sol=[0, 1], b_error=[-1, 1], c=[1 / 2])
+_other_tableau = ButcherTableau(a_lower=([1],), b_sol=[1 / 2, 1 / 2], b_error=[1 / 2, -1 / 2], c=[1])
+
+
+class Base:
+    def order(self, terms):
+        return 9
+
+
+class Mine(AbstractERK):
+    tableau: ClassVar[ButcherTableau] = _mine_tableau
+
+    def order(self, terms):
+        del terms
+        return 2
+"""
+    found = {record.name: record.claims for record in read_tableaus(text, "python").records}
+    assert found["_mine_tableau"]["order"] == "2"
+    assert "order" not in found["_other_tableau"]
