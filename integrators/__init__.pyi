@@ -21,6 +21,9 @@ from .methods.kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .methods.kinds.extended_runge_kutta import Rosenbrock as Rosenbrock
 from .methods.kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .methods.kinds.extended_runge_kutta import WMethod as WMethod
+from .methods.kinds.memory import GeneralLinear as GeneralLinear
+from .methods.kinds.memory import LinearMultistep as LinearMultistep
+from .methods.kinds.memory import TwoStepRungeKutta as TwoStepRungeKutta
 from .methods.kinds.second_order import ForceGradient as ForceGradient
 from .methods.kinds.second_order import RungeKuttaNystrom as RungeKuttaNystrom
 from .methods.kinds.second_order import TakahashiImada as TakahashiImada

@@ -18,6 +18,9 @@ from .kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .kinds.extended_runge_kutta import Rosenbrock as Rosenbrock
 from .kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .kinds.extended_runge_kutta import WMethod as WMethod
+from .kinds.memory import GeneralLinear as GeneralLinear
+from .kinds.memory import LinearMultistep as LinearMultistep
+from .kinds.memory import TwoStepRungeKutta as TwoStepRungeKutta
 from .kinds.second_order import ForceGradient as ForceGradient
 from .kinds.second_order import RungeKuttaNystrom as RungeKuttaNystrom
 from .kinds.second_order import TakahashiImada as TakahashiImada
