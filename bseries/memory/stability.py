@@ -94,15 +94,22 @@ def dahlquist_barrier(k: int, *, explicit: bool = False) -> int:
     return k if explicit else k + 1 + (k % 2 == 0)
 
 
-def memory_properties(method: MethodWithMemory) -> dict[str, Any]:
+def memory_properties(method: Method | str) -> dict[str, Any]:
     """Facts about a method with memory for the report of `check`, as JSON-ready data; those not decided are None.
+
+    Args:
+        method: A method with memory, or its name.
+
+    Raises:
+        SeriesError: `method` has no memory.
 
     Example:
         >>> import bseries as bs
         >>> facts = bs.memory.memory_properties(bs.memory.bdf(2))
         >>> facts["error_constant"], facts["zero_stable"], facts["stability_angle"]
-        ('-1/3', True, 90.0)
+        ('-1/3', True, '90')
     """
+    method = with_memory(method)
     asked: dict[str, Callable[[], object]] = {"zero_stable": lambda: cast(Any, method).zero_stable}
     found: dict[str, Any] = {}
     if isinstance(method, LinearMultistep):
@@ -110,7 +117,7 @@ def memory_properties(method: MethodWithMemory) -> dict[str, Any]:
         asked |= {
             "parasitic_modes": lambda: "; ".join(map(str, method.growth_parameters)) or "none",
             "a_stable": lambda: method.stability_angle == 90,
-            "stability_angle": lambda: method.stability_angle or 0.0,
+            "stability_angle": lambda: f"{method.stability_angle or 0:.12g}",
         }
     else:
         found = {"inputs": len(cast(GeneralLinear, method).V)}
@@ -121,6 +128,14 @@ def memory_properties(method: MethodWithMemory) -> dict[str, Any]:
         except IntegratorError as error:
             found[name], undecided[name] = None, str(error)
     return found | {"undecided": undecided}
+
+
+def with_memory(method: Method | str) -> MethodWithMemory:
+    """The method of a name, or the method, which must have memory."""
+    method = as_method(method)
+    if not isinstance(method, MethodWithMemory):
+        raise SeriesError(f"method must be a method with memory, such as memory.bdf(2), but was {shown(method)}")
+    return method
 
 
 def _multistep(method: Method | str) -> LinearMultistep:

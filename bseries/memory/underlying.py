@@ -8,10 +8,8 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.general_linear import GeneralLinearInputs
 from bseries.algebra.modified import series, table_of
 from bseries.algebra.stages import inputs_of
-from bseries.exceptions import SeriesError
-from bseries_base.errors import shown
-from integrators.methods.catalogue.registry import as_method
-from integrators.methods.kinds.memory import LinearMultistep, MethodWithMemory
+from bseries.memory.stability import with_memory
+from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method
 from trees.table import TreeTable
 
@@ -38,7 +36,7 @@ def underlying_one_step(method: Method | str, order: int | TreeTable) -> BSeries
     References:
         U. Kirchgraber, Numer. Math. 48 (1986) 85–90; HLW, sections XV.2 and XV.8.
     """
-    return series(_checked(method), order)
+    return series(with_memory(method), order)
 
 
 def starting_procedure(method: Method | str, order: int | TreeTable) -> tuple[BSeries, ...]:
@@ -65,7 +63,7 @@ def starting_procedure(method: Method | str, order: int | TreeTable) -> tuple[BS
     References:
         HLW, theorem XV.8.1.
     """
-    checked = _checked(method)
+    checked = with_memory(method)
     table = table_of(checked, order, None)
     if isinstance(checked, LinearMultistep):
         phi = series(checked, table)
@@ -76,10 +74,3 @@ def starting_procedure(method: Method | str, order: int | TreeTable) -> tuple[BS
     inputs = cast(GeneralLinearInputs, inputs_of(checked, table.max_order))
     pairs: Any = zip(inputs.starting(table), cast(Any, checked).u, strict=True)
     return tuple(BSeries(table, values, u, names=checked.names, label=checked.name) for values, u in pairs)
-
-
-def _checked(method: Method | str) -> MethodWithMemory:
-    method = as_method(method)
-    if not isinstance(method, MethodWithMemory):
-        raise SeriesError(f"method must be a method with memory, such as memory.bdf(2), but was {shown(method)}")
-    return method

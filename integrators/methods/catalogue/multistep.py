@@ -25,8 +25,8 @@ METHODS = (
         _family(families.adams_moulton), ("adams-moulton",), title="Adams–Moulton"),
     MethodEntry("bdf", "multistep", None, "s", "backward differentiation formulas, zero-stable for s ≤ 6", HNW,
         _family(families.bdf), title="BDF"),
-    MethodEntry("nystrom", "multistep", None, "s", "explicit y(n+s) = y(n+s-2) + ...; two steps are leapfrog", HNW,
-        _family(families.nystrom), least_stages=2, title="Nyström"),
-    MethodEntry("milne-simpson", "multistep", None, "s+1", "implicit y(n+s) = y(n+s-2) + ...; two steps have order 4",
+    MethodEntry("nystrom-multistep", "multistep", None, "s", "explicit: y(n+s) = y(n+s-2) + ...; two steps: leapfrog",
+        HNW, _family(families.nystrom), least_stages=2, title="Nyström multistep"),
+    MethodEntry("milne-simpson", "multistep", None, "s+1", "implicit: y(n+s) = y(n+s-2) + ...; two steps: order 4",
         HNW, _family(families.milne_simpson), ("milne",), least_stages=2, title="Milne–Simpson"),
 )  # fmt: skip

@@ -62,7 +62,7 @@ class MethodWithMemory(ProgramMethod):
             "underlying one-step method"
         )
 
-    @property
+    @cached_property
     def coefficients(self) -> dict[str, Any]:
         """The coefficients by name, as in files."""
         raise NotImplementedError
@@ -145,7 +145,7 @@ class LinearMultistep(MethodWithMemory):
                 f"alpha and beta must satisfy ρ'(1) = σ(1) unless rescaled=True, but have {_text([slope, sigma])}"
             )
 
-    @property
+    @cached_property
     def coefficients(self) -> dict[str, Any]:
         """The coefficients by name, as in files."""
         return {"alpha": self.alpha, "beta": self.beta}
@@ -335,7 +335,7 @@ class GeneralLinear(MethodWithMemory):
                 )
         return u, solver
 
-    @property
+    @cached_property
     def coefficients(self) -> dict[str, Any]:
         """The coefficients by name, as in files."""
         return {key: getattr(self, key) for key in ("A", "U", "B", "V", "finishing")}
@@ -393,6 +393,8 @@ class TwoStepRungeKutta(GeneralLinear):
         S. Gottlieb, C. B. Macdonald, SIAM J. Numer. Anal. 49 (2011) 2618–2639.
     """
 
+    kind = "two-step-runge-kutta"
+
     def __init__(
         self, d: object, theta: object, A: object, b: object, Ahat: object, bhat: object, **labels: Unpack[Labels]
     ) -> None:
@@ -406,6 +408,8 @@ class TwoStepRungeKutta(GeneralLinear):
         V += [[ZERO] * (s + 2)] * s
         B = [list(weights), [ZERO] * s, *([Fraction(i == j) for j in range(s)] for i in range(s))]
         super().__init__(A, U, B, V, **labels)
+        given = {"d": shares, "theta": share, "A": self.A, "b": weights, "Ahat": past, "bhat": self.V[0][2:]}
+        self.__dict__["coefficients"] = given
 
 
 def quotient(x: Entry, y: Entry) -> Entry:

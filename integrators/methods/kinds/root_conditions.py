@@ -55,8 +55,8 @@ def satisfies_root_condition(coefficients: Sequence[Entry]) -> bool:
 
 def parasitic_modes(alpha: Sequence[Entry], beta: Sequence[Entry]) -> tuple[ParasiticMode, ...]:
     """The modes of the simple roots ζ ≠ 1 of ρ on the unit circle."""
-    rho, sigma = ([round_entry(x) for x in row] for row in (alpha, beta))
     circle, _ = on_and_outside(alpha)
+    rho, sigma = ([round_entry(x) for x in row] for row in (alpha, beta))
     zetas = [_complex(ball) for ball, count in circle if count == 1 and not (ball - 1).contains(0)]
     modes = []
     for zeta in sorted(zetas, key=lambda z: (-abs(cmath.phase(z)), z.imag)):

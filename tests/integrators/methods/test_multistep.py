@@ -34,7 +34,13 @@ def test_families_have_their_published_coefficients_orders_and_constants():
         assert [method.order for method in found] == [k + extra for k in range(1, len(values) + 1)]
     assert [memory.nystrom(k).order for k in (2, 3, 4)] == [2, 3, 4]
     assert [memory.milne_simpson(k).order for k in (2, 3, 4)] == [4, 4, 5]
-    assert [bs.method(name).order for name in ("ab3", "am3", "bdf3", "nystrom3", "milne-simpson3")] == [3, 4, 3, 3, 4]
+    assert [bs.method(name).order for name in ("ab3", "am3", "bdf3", "nystrom-multistep3", "milne-simpson3")] == [
+        3,
+        4,
+        3,
+        3,
+        4,
+    ]
 
 
 def test_zero_stability_is_decided_exactly():
@@ -61,7 +67,7 @@ def test_roots_and_growth_parameters():
     milne = memory.symmetric_multistep(["pi/2", "pi"])
     growth = {complex(round(m.root.real), round(m.root.imag)): m.growth for m in milne.growth_parameters}
     assert growth == {-1: pytest.approx(-5 / 3), 1j: pytest.approx(1 / 3), -1j: pytest.approx(1 / 3)}
-    assert [mode.growth for mode in memory.parasitic_modes("nystrom2")] == [-1]
+    assert [mode.growth for mode in memory.parasitic_modes("nystrom-multistep2")] == [-1]
     assert [round(mode.growth.real, 12) for mode in memory.parasitic_modes("milne-simpson2")] == [round(-1 / 3, 12)]
     for mode in memory.symmetric_multistep(["pi/5", "3*pi/5", "pi"]).growth_parameters:  # exact entries with roots
         assert abs(mode.root) == pytest.approx(1, abs=1e-14)
@@ -189,3 +195,42 @@ def test_only_methods_with_memory_have_starting_procedures():
         memory.parasitic_modes("rk4")
     with pytest.raises(IntegratorError, match="symbols"):
         _ = bs.LinearMultistep(["a", "-1 - a", 1], [0, 1, 0], rescaled=True, parameters=["a"]).zero_stable
+
+
+STORED = {
+    "ab3": lambda: bs.method("ab3"),
+    "momentum": lambda: bs.LinearMultistep(
+        ["m", "-1 - m", 1], [0, 1, 0], rescaled=True, parameters=["m"], name="momentum", reference="B. T. Polyak, 1964"
+    ),
+    "golden": lambda: memory.symmetric_multistep(["2*pi/5", "4*pi/5"], explicit=False),
+    "general": lambda: bs.method("bdf3").to_general_linear(),
+    "two-step": lambda: bs.TwoStepRungeKutta([0, "1/3"], 0, [[0, 0], [1, 0]], [1, "1/2"], [[0] * 2] * 2, [0, "-1/2"]),
+}
+
+
+@pytest.mark.parametrize("name", STORED)
+@pytest.mark.parametrize("suffix", ["json", "toml"])
+def test_files_keep_methods_with_memory(name, suffix, tmp_path):
+    stored, path = STORED[name](), tmp_path / f"method.{suffix}"
+    bs.save_method(stored, path)
+    read = bs.load_method(path)
+    assert read == stored
+    assert type(read) is type(stored)
+    assert (read.name, read.reference, read.parameters) == (stored.name, stored.reference, stored.parameters)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"kind": "multistep", "alpha": [-1, 1], "beta": [1, 0]}', "kind must be one of linear-multistep, "),
+        ('{"kind": "linear-multistep", "alpha": [-1, 1]}', "must have the key beta"),
+        ('{"kind": "linear-multistep", "alpha": [-1, 1], "beta": [1, 0], "b": [1]}', "'b'"),
+        ('{"kind": "linear-multistep", "alpha": [-1, 2], "beta": [1, 0]}', "alpha must sum to 0"),
+        ('{"kind": ["linear-multistep"], "alpha": [-1, 1], "beta": [1, 0]}', "kind must be one of"),
+    ],
+)
+def test_bad_files_are_refused(text, message, tmp_path):
+    path = tmp_path / "method.json"
+    path.write_text(text)
+    with pytest.raises(IntegratorError, match=message):
+        bs.load_method(path)
