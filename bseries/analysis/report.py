@@ -12,6 +12,7 @@ from bseries.algebra.modified import exact_values, modified_equation, series, ta
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES, ConjugateVerdict
 from bseries.analysis.generalised_order import generalised_orders, is_product_of_two
+from bseries.analysis.memory_properties import memory_properties
 from bseries.analysis.order import (
     MOST_STRUCTURE_TREES,
     MOST_TREES,
@@ -31,7 +32,6 @@ from bseries.analysis.stability.field_elements import has_exact_zero_test
 from bseries.analysis.stability.rational_functions import StabilityFunction
 from bseries.analysis.structure import STRUCTURES, block_names
 from bseries.exceptions import SeriesError
-from bseries.memory.stability import memory_properties
 from bseries_base.numbers import latex_number, number_text
 from bseries_base.table import Column, Table, as_frame, as_html, as_text, latex_text
 from integrators import PartitionedRungeKutta, RungeKutta

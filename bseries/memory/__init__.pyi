@@ -9,8 +9,8 @@ from .methods import milne_simpson as milne_simpson
 from .methods import nystrom as nystrom
 from .methods import symmetric_multistep as symmetric_multistep
 from .stability import dahlquist_barrier as dahlquist_barrier
-from .stability import memory_properties as memory_properties
 from .stability import parasitic_modes as parasitic_modes
 from .stability import root_locus as root_locus
+from .starting import starting_values as starting_values
 from .underlying import starting_procedure as starting_procedure
 from .underlying import underlying_one_step as underlying_one_step

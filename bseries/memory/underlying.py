@@ -8,7 +8,7 @@ from bseries.algebra.bseries import BSeries
 from bseries.algebra.general_linear import GeneralLinearInputs
 from bseries.algebra.modified import series, table_of
 from bseries.algebra.stages import inputs_of
-from bseries.memory.stability import with_memory
+from bseries.analysis.memory_properties import with_memory
 from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method
 from trees.table import TreeTable

@@ -175,7 +175,6 @@ REFUSED = {
     "U u = 1": lambda: bs.GeneralLinear([[0]], [[2]], [[1]], [[1]]),
     "U must have 1 row, but has 2": lambda: bs.GeneralLinear([[0]], [[1], [1]], [[1]], [[1]]),
     "one-step method here": lambda: bs.methods.repeat(bs.method("ab2"), 2),
-    "must be a one-step": lambda: bs.stepper("ab2", "pendulum"),
 }
 
 
