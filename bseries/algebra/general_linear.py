@@ -76,45 +76,50 @@ class GeneralLinearInputs:
             return self._bounds(table.growth, table.max_order, (ONE,) if of_start else known)[not of_start]
 
         def denominators(n: int, _: int) -> int:
-            return self._denominators(table.max_order)[not of_start][n]
+            start, field = self._denominators(table.max_order)
+            return start[row][n] if of_start else field[n]
 
         def step(order: int, _: int) -> int:
-            return math.lcm(*self._denominators(order)[not of_start][1:])
+            return math.lcm(*(denominators(n, 1) for n in range(1, order + 1)))
 
         operation = Operation(expression, bound, denominators, step, units=2, passes=self.inputs)
         return domains.apply(table, [self], operation)
 
-    def _largest(self, at: int, rows: slice = slice(None)) -> tuple[int, int]:
-        """The largest row sum of a matrix, as a bound, and the common denominator of its entries."""
-        part = self._matrices[at][rows]
-        return max(scaled(sum(map(abs, row), Fraction(0))) for row in part), _denominator(part)
+    def _largest(self, at: int, rows: slice = slice(None)) -> int:
+        """The largest row sum of a matrix, as a bound."""
+        return max(scaled(sum(map(abs, row), Fraction(0))) for row in self._matrices[at][rows])
 
     @lru_cache(maxsize=64)  # noqa: B019  # few inputs are kept, by `stages`
-    def _denominators(self, order: int) -> tuple[list[int], list[int]]:
-        """Denominators of the S_i and of b, from those of the empty tree on."""
-        (_, a), (_, u), (_, b), (_, vector) = map(self._largest, (0, 1, 2, 4))
-        (_, of_start), (_, of_field) = (self._largest(3, part) for part in (slice(-1), slice(-1, None)))
-        start, field, points, cut = [vector], [1], [1], [[1]]  # cut[j][n]: products of j values of b
+    def _denominators(self, order: int) -> tuple[list[list[int]], list[int]]:
+        """Denominators of each S_i and of b, from those of the empty tree on."""
+        a, u, b, solver, (vector,) = self._matrices
+        start, field, cut = [[x.denominator] for x in vector], [1], [[1]]  # cut[j][n]: products of j values of b
+        points: list[list[int]] = [[1] for _ in a]
         for n in range(1, order + 1):
-            slopes = 1 if n == 1 else _common(points, n - 1)
+            slopes = [1 if n == 1 else _common(row, n - 1) for row in points]
             cut[0].append(0)
             cut.append([0] * n)
             for j in range(2, n + 1):
                 cut[j].append(math.lcm(*filter(None, (cut[j - 1][n - k] * field[k] for k in range(1, n)))))
-            terms = [b * slopes]
-            for j in range(1, n + 1):
-                terms += [math.factorial(j) * cut[j][m] * start[n - m] for m in range(j, n + (j > 1)) if cut[j][m]]
-            common = math.lcm(*terms)
-            start.append(of_start * common)
-            field.append(of_field * common)
+            known = []
+            for i, row in enumerate(b):
+                pairs = ((j, m) for j in range(1, n + 1) for m in range(j, n + (j > 1)) if cut[j][m])
+                terms = (math.factorial(j) * cut[j][m] * start[i][n - m] for j, m in pairs)
+                known.append(math.lcm(_of_sum(row, slopes), *terms))
+            found = [_of_sum(row, [*known, 1]) for row in solver]
+            for row, x in zip([*start, field], found, strict=True):
+                row.append(x)
             cut[1].append(field[n])
-            points.append(math.lcm(a * slopes, u * start[n]))
+            for i, row in enumerate(points):
+                row.append(math.lcm(_of_sum(a[i], slopes), _of_sum(u[i], found[:-1])))
         return start, field
 
+    @lru_cache(maxsize=64)  # noqa: B019
     def _bounds(self, growth: Growth, order: int, known: Bound) -> tuple[Bound, Bound]:
         """Bounds on the S_i and on b; `known` bounds |b| at the smallest trees more sharply."""
-        (a, _), (u, _), (b, _), (vector, _) = map(self._largest, (0, 1, 2, 4))
-        (of_start, _), (of_field, _) = (self._largest(3, part) for part in (slice(-1), slice(-1, None)))
+        a, u, b = map(self._largest, range(3))
+        vector = max(scaled(abs(x)) for x in self._matrices[4][0])
+        of_start, of_field = (self._largest(3, part) for part in (slice(-1), slice(-1, None)))
         field, points, rows = list(known), [ONE], [[vector]]
         for n in range(1, order + 1):
             slopes = ONE if n == 1 else bounds.products(points)[n - 1]
@@ -130,8 +135,9 @@ class GeneralLinearInputs:
         return tuple(rows[0]), tuple(field)
 
 
-def _denominator(rows: Sequence[Sequence[Fraction]]) -> int:
-    return math.lcm(*(x.denominator for row in rows for x in row))
+def _of_sum(row: Sequence[Fraction], values: Sequence[int]) -> int:
+    """The denominator of Σ x_j v_j from those of the values."""
+    return math.lcm(*(x.denominator * d for x, d in zip(row, values, strict=True) if x))
 
 
 def _common(values: Sequence[int], n: int) -> int:

@@ -65,7 +65,9 @@ class MultistepInputs:
     def denominators(self) -> tuple[int, ...]:
         """Those of b by number of nodes."""
         skeletons = (1, *(x.denominator for x in self.mu[:-1]))  # of the term with k + 1 factors b
-        return denominators.solved(skeletons, (1,) * len(skeletons), 1)
+        found = denominators.solved(skeletons, (1,) * len(skeletons), 1)
+        # with all powers of two of the scaling, residues modulo 2^64 are combined with those modulo primes
+        return tuple(math.lcm(d, 2 ** self.integers.twos_of(max(n, 1), field=True)) for n, d in enumerate(found))
 
     @cached_property
     def integers(self) -> Wrapped:
