@@ -30,7 +30,7 @@ METHODS = {
     "modified_hamiltonian": "gauss2", "named_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33",
     "generalised_order": "strang", "scipy_solver": "tsit5", "underlying_one_step": "ab2", "parasitic_modes": "bdf2",
     "memory_properties": "bdf2",
-    "root_locus": "bdf2", "starting_procedure": "ab3",
+    "root_locus": "bdf2", "starting_procedure": "ab3", "starting_values": "ab2",
 }  # fmt: skip
 SCENES = {"closed_hamiltonian": "harmonic-oscillator"}
 OBJECTS_ONLY = {

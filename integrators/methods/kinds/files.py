@@ -13,7 +13,7 @@ Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``,
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from decimal import Decimal
 from typing import IO, Any
 
@@ -34,7 +34,7 @@ LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
 OPTIONAL = ("rescaled", "finishing")
-WITH_MEMORY: dict[str, tuple[type[MethodWithMemory], tuple[str, ...]]] = {
+WITH_MEMORY: dict[str, tuple[Callable[..., MethodWithMemory], tuple[str, ...]]] = {
     LinearMultistep.kind: (LinearMultistep, ("alpha", "beta", "rescaled")),
     GeneralLinear.kind: (GeneralLinear, ("A", "U", "B", "V", "finishing")),
     TwoStepRungeKutta.kind: (TwoStepRungeKutta, ("d", "theta", "A", "b", "Ahat", "bhat")),
@@ -132,7 +132,7 @@ def _checked_format(format: str) -> str:
 
 
 def _read_method(data: Any, digits: int | None) -> Method:
-    if isinstance(data, dict) and "kind" in data:
+    if _has_kind(data):
         return _read_with_memory(data, digits)
     text_files.check_keys(data, KEYS, "content")
     if "partitions" not in data:
@@ -149,6 +149,10 @@ def _read_method(data: Any, digits: int | None) -> Method:
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
 
 
+def _has_kind(data: object) -> bool:
+    return isinstance(data, dict) and "kind" in data
+
+
 def _read_with_memory(data: Any, digits: int | None) -> MethodWithMemory:
     if not isinstance(data["kind"], str) or data["kind"] not in WITH_MEMORY:
         raise IntegratorError(f"kind must be one of {', '.join(WITH_MEMORY)}, but was {shown(data['kind'])}")
@@ -156,8 +160,9 @@ def _read_with_memory(data: Any, digits: int | None) -> MethodWithMemory:
     text_files.check_keys(data, (*LABELS, "schema", "kind", "parameters", *keys), "content")
     _require_keys(data, [key for key in keys if key not in OPTIONAL], "content")
     given = {key: data[key] for key in keys if key in data}
-    labels = {key: data.get(key) for key in LABELS}
-    return make(**given, parameters=items(data.get("parameters", ()), "parameters"), **labels, digits=digits)
+    labels: dict[str, Any] = {key: data.get(key) for key in LABELS}
+    labels |= {"parameters": items(data.get("parameters", ()), "parameters"), "digits": digits}
+    return make(**given, **labels)
 
 
 def _read_tableau(data: Any, parameters: Iterable[str], digits: int | None) -> RungeKutta:

@@ -83,7 +83,8 @@ class MethodWithMemory(ProgramMethod):
         """The coefficients, row by row."""
         rows = []
         for key, value in self.coefficients.items():
-            nested = value if value and isinstance(value[0], tuple) else (value,)
+            row = value if isinstance(value, tuple) else (value,)
+            nested = row if isinstance(row[0], tuple) else (row,)
             rows += [(key if i == 0 else "", ", ".join(map(format_number, row))) for i, row in enumerate(nested)]
         return Table(self.name, [Column("name"), Column("coefficients")], rows, self.remarks, data=self.to_dict)
 
