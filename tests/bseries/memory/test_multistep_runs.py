@@ -138,3 +138,24 @@ def test_other_methods_with_memory_and_symbols_are_refused():
         bs.stepper("ab2", "pendulum").start([0.0, 1.0], h=0.1)
     with pytest.raises(bs.SeriesError, match="must be a linear multistep method"):
         memory.starting_values("rk4", "pendulum", 0.1)
+
+
+LOSS = "x' = -(x + 4*x^3 - y); y' = -(2*y - x + y^3)"
+"""f = −∇L for L = x²/2 + x⁴ − xy + y² + y⁴/4."""
+
+
+@pytest.mark.parametrize(("momentum", "h"), [("1/2", 0.002), ("9/10", 0.0001)])
+def test_the_memoryless_equation_predicts_a_run_with_momentum(momentum, h):
+    """Heavy-ball gradient descent follows the modified equation with the field f/(1 − m); one term is not enough."""
+    method = bs.LinearMultistep([momentum, f"-1 - {momentum}", 1], [0, 1, 0], rescaled=True, name="momentum")
+    scene, steps = bs.parse_scene(LOSS), 200
+    start = memory.starting_values(method, scene, h, 6, y0=[1.0, -1.0])
+    run = bs.integrate(method, scene, h=h, steps=steps, start=start)
+    errors = []
+    for nodes in (1, 2, 5):
+        field = bs.modified_field(method, scene, nodes)
+        end = solve_ivp(lambda t, y, f=field: f(y, h), (0, steps * h), start[0], rtol=1e-12, atol=1e-13).y[:, -1]
+        errors.append(np.linalg.norm(end - run.y[:, -1]) / np.linalg.norm(run.y[:, -1]))
+    assert errors[2] < 0.01
+    assert errors[2] < errors[1] / 5 < errors[0] / 15
+    assert errors[0] > 0.01  # negative control: the gradient flow alone, with the rescaled step, is not as close

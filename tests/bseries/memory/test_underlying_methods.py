@@ -223,3 +223,21 @@ def test_momentum_solves_the_rescaled_field():
     half = bs.LinearMultistep(["1/2", "-3/2", 1], [0, 1, 0], rescaled=True)
     field, y = random_field("momentum"), list(map(oracle.number, (1, 2)))
     assert is_zero(multistep_residual(half, bs.series(half, ORDER), field, y))
+
+
+def nesterov(m):
+    """x_{n+1} = y_n + h f(y_n), y_n = (1 + m) x_n − m x_{n−1}, with the inputs x_n and x_{n−1}."""
+    shares = [f"1 + {m}", f"-({m})"]
+    return bs.GeneralLinear([[0]], [shares], [[1], [0]], [shares, [1, 0]], parameters=["m"], name="nesterov")
+
+
+def test_nesterovs_method_is_a_general_linear_one():
+    method, field, y = nesterov("1/3"), random_field("nesterov"), list(map(oracle.number, (1, Fraction(-1, 2))))
+    phi, starting = bs.series(method, ORDER), bs.memory.starting_procedure(method, ORDER)
+    assert is_zero(general_residual(method, phi, starting, field, y))
+    b, m = bs.modified_equation(nesterov("m"), 4), sympy.Symbol("m")
+    assert sympy.simplify(b["τ"] - 1 / (1 - m)) == 0
+    at_third = bs.modified_equation(method, 4)
+    assert all(sympy.sympify(b[t], strict=True).subs(m, sympy.Rational(1, 3)) == at_third[t] for t in at_third)
+    heavy = bs.LinearMultistep(["1/3", "-4/3", 1], [0, 1, 0], rescaled=True)
+    assert bs.modified_equation(heavy, 2)["[τ]"] != at_third["[τ]"]  # the two kinds of momentum differ in the next term
