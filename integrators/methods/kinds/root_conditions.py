@@ -70,28 +70,40 @@ def on_and_outside(coefficients: Sequence[Entry]) -> tuple[list[tuple[Any, int]]
     rational = (domain := find_domain(coefficients)) == "QQ"
     if domain == "algebraic" and not _is_reciprocal(coefficients):
         raise IntegratorError("alpha must be rational, or symmetric, for the roots on the unit circle to be known")
+    import flint
+
     bits = 100
     while bits <= MOST_BITS:
-        balls = _isolated(coefficients, bits)
-        reciprocal = _isolated(_reciprocal_part(coefficients), bits) if rational else balls
-        circle, outside, known = [], 0, True
-        for ball, count in balls:
-            size = abs(ball)
-            if size > 1 or size < 1:
-                outside += bool(size > 1)
-                continue
-            mirrored = 1 / ball.conjugate()
-            own = [other for other, _ in reciprocal if other.overlaps(ball)]
-            if len(own) == 1 and sum(other.overlaps(mirrored) for other, _ in reciprocal) == 1:
-                circle.append((ball, count))
-            else:
-                known = False
-        if known:
-            return circle, outside
+        with flint.ctx.workprec(bits):
+            balls = _isolated(coefficients, bits)
+            reciprocal = _isolated(_reciprocal_part(coefficients), bits) if rational else balls
+            found = _told_apart(balls, [ball for ball, _ in reciprocal])
+        if found is not None:
+            return found
         bits *= 2
     raise IntegratorError(
         "alpha must have roots that are known to be on the unit circle or not, but some are too close"
     )
+
+
+def _told_apart(
+    balls: Sequence[tuple[Any, int]], reciprocal: Sequence[Any]
+) -> tuple[list[tuple[Any, int]], int] | None:
+    """The roots on the unit circle and the number of those outside; None where the balls do not tell."""
+    circle, outside = [], 0
+    for ball, count in balls:
+        size = abs(ball)
+        if size > 1 or size < 1:
+            outside += bool(size > 1)
+            continue
+        mirrored = 1 / ball.conjugate()
+        own = [other for other in reciprocal if other.overlaps(ball)]
+        if len(own) != 1 or sum(bool(other.overlaps(own[0])) for other, _ in balls) != 1:
+            return None  # the ball in `own` may be that of another root
+        if [other for other in reciprocal if other.overlaps(mirrored)] != own:
+            return None  # ζ and 1/ζ̄ may be different roots
+        circle.append((ball, count))
+    return circle, outside
 
 
 def _is_reciprocal(coefficients: Sequence[Entry]) -> bool:

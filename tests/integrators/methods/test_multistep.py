@@ -8,7 +8,7 @@ import pytest
 
 import bseries as bs
 from integrators import IntegratorError
-from integrators.methods.kinds.root_conditions import satisfies_root_condition
+from integrators.methods.kinds.root_conditions import on_and_outside, satisfies_root_condition
 
 memory = bs.memory
 
@@ -58,6 +58,12 @@ def test_zero_stability_is_decided_exactly():
     assert satisfies_root_condition([Fraction(int(x)) for x in circle])
     twice = np.polynomial.polynomial.polymul(circle, [5, -6, 5])
     assert not satisfies_root_condition([Fraction(int(x)) for x in twice])
+    # four roots r e^{±iθ}, e^{±iθ}/r so close to the circle that doubles do not tell, and r = 1 with multiplicity two
+    for digits in (10, 40, 150):
+        r = 1 + Fraction(1, 10**digits)
+        four = [Fraction(1), -Fraction(6, 5) * (r + 1 / r), r * r + 1 / r**2 + Fraction(36, 25)]
+        assert on_and_outside([*four, *four[1::-1]]) == ([], 2)
+    assert [count for _, count in on_and_outside([Fraction(x, 25) for x in (25, -60, 86, -60, 25)])[0]] == [2, 2]
     # reciprocal roots 2 and 1/2 beside the circle
     assert not satisfies_root_condition([Fraction(x) for x in (1, Fraction(-5, 2), 1)])
 
