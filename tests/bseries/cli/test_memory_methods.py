@@ -48,3 +48,14 @@ def test_the_command_refuses_in_one_line(run, tmp_path):
         assert result.exit_code == 2, arguments
         assert len(result.stderr.strip().splitlines()) == 1
         assert "Traceback" not in result.stderr
+
+
+def test_the_command_runs_multistep_methods_and_writes_their_equations(run):
+    simulated = run("simulate", "pendulum", "--method", "ab2", "--step", "1/10", "--steps", "20", "--format", "json")
+    assert simulated.exit_code == 0, simulated.stderr
+    end = {row["what"]: row["end"] for row in json.loads(simulated.stdout)["rows"]}
+    made = bs.integrate("ab2", "pendulum", h=0.1, steps=20)
+    assert [end["p"], end["q"]] == list(made.y[:, -1])
+    equation = run("equation", "ab2", "--scene", "pendulum", "--order", "3")
+    assert equation.exit_code == 0, equation.stderr
+    assert "5*p*cos(q)/12" in equation.stdout
