@@ -1,7 +1,9 @@
 import integrators as integrators
 import trees as trees
 from integrators import Effect as Effect
+from integrators import GeneralLinear as GeneralLinear
 from integrators import IntegratorError as IntegratorError
+from integrators import LinearMultistep as LinearMultistep
 from integrators import PartitionedRungeKutta as PartitionedRungeKutta
 from integrators import ProgramBuilder as ProgramBuilder
 from integrators import RungeKutta as RungeKutta
@@ -9,6 +11,7 @@ from integrators import Scene as Scene
 from integrators import Splitting as Splitting
 from integrators import Term as Term
 from integrators import Trajectory as Trajectory
+from integrators import TwoStepRungeKutta as TwoStepRungeKutta
 from integrators import catalogue as catalogue
 from integrators import composition as composition
 from integrators import ensemble as ensemble
@@ -42,6 +45,7 @@ from . import auditing as auditing
 from . import conditions as conditions
 from . import fields as fields
 from . import hamiltonians as hamiltonians
+from . import memory as memory
 from . import shadow as shadow
 from .advice.effects.costs import effect_costs as effect_costs
 from .advice.effects.influences import effect_influence as effect_influence
@@ -79,6 +83,7 @@ from .figures.registry import figure_names as figure_names
 from .hamiltonians.brackets.campbell_hausdorff import bch as bch
 from .hamiltonians.energy_drift import energy_drift as energy_drift
 from .hamiltonians.modified_hamiltonian import modified_hamiltonian as modified_hamiltonian
+from .memory.underlying import underlying_one_step as underlying_one_step
 from .shadow.trajectory_energies import shadow_energy as shadow_energy
 
 errors: tuple[type[TreeError], type[IntegratorError], type[SeriesError]]

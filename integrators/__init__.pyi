@@ -21,6 +21,11 @@ from .methods.kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .methods.kinds.extended_runge_kutta import Rosenbrock as Rosenbrock
 from .methods.kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .methods.kinds.extended_runge_kutta import WMethod as WMethod
+from .methods.kinds.files import load_method as load_method
+from .methods.kinds.files import save_method as save_method
+from .methods.kinds.memory import GeneralLinear as GeneralLinear
+from .methods.kinds.memory import LinearMultistep as LinearMultistep
+from .methods.kinds.memory import TwoStepRungeKutta as TwoStepRungeKutta
 from .methods.kinds.second_order import ForceGradient as ForceGradient
 from .methods.kinds.second_order import RungeKuttaNystrom as RungeKuttaNystrom
 from .methods.kinds.second_order import TakahashiImada as TakahashiImada
@@ -32,8 +37,6 @@ from .methods.programs.builder import ProgramBuilder as ProgramBuilder
 from .methods.programs.program import Method as Method
 from .methods.programs.program import Program as Program
 from .methods.programs.tracing import trace as trace
-from .methods.tableaux.files import load_method as load_method
-from .methods.tableaux.files import save_method as save_method
 from .methods.tableaux.partitioned import PartitionedRungeKutta as PartitionedRungeKutta
 from .methods.tableaux.runge_kutta import RungeKutta as RungeKutta
 from .methods.tableaux.runge_kutta import TableauWarning as TableauWarning

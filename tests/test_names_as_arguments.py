@@ -9,7 +9,18 @@ import pytest
 import bseries as bs
 import integrators
 
-ROOMS = (bs, integrators, bs.analysis, bs.stability, bs.fields, bs.hamiltonians, bs.runs, bs.advice, bs.integrators)
+ROOMS = (
+    bs,
+    integrators,
+    bs.analysis,
+    bs.stability,
+    bs.fields,
+    bs.hamiltonians,
+    bs.runs,
+    bs.advice,
+    bs.integrators,
+    bs.memory,
+)
 NUMBERS = {
     "order": 3, "h": 0.1, "steps": 4, "y0": [0.1, 0.2], "y": ["0.1", "0.2"], "t": 1, "spread": 0.1, "temperature": 1,
     "text": "p^2/2 + U(q)",
@@ -17,7 +28,9 @@ NUMBERS = {
 METHODS = {
     "bracket_hamiltonian": "strang", "closed_hamiltonian": "symplectic-euler-p", "generating_function": "gauss2",
     "modified_hamiltonian": "gauss2", "named_hamiltonian": "gauss2", "stepper": "gauss2", "ssp_coefficient": "ssprk33",
-    "generalised_order": "strang", "scipy_solver": "tsit5",
+    "generalised_order": "strang", "scipy_solver": "tsit5", "underlying_one_step": "ab2", "parasitic_modes": "bdf2",
+    "memory_properties": "bdf2",
+    "root_locus": "bdf2", "starting_procedure": "ab3", "starting_values": "ab2",
 }  # fmt: skip
 SCENES = {"closed_hamiltonian": "harmonic-oscillator"}
 OBJECTS_ONLY = {

@@ -18,6 +18,7 @@ from bseries.exact.rationals import RationalValues
 from bseries.exact.residues import PRIME_BITS, WORD
 from bseries.exceptions import SeriesError
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method, RepeatedProgram
 from trees.basis import Basis
 from trees.counting import Limits, check_order, count_trees, memory_estimate, normal_limits, refuse_table_beyond_memory
@@ -33,7 +34,7 @@ def series(method: Method | str, order: int | TreeTable | None = None, *, max_ch
 @overload
 def series(method: Method | str, order: Words) -> Series: ...
 def series(method: Method | str, order: int | TreeTable | Words | None = None, *, max_children: Any = None) -> Series:
-    """B-series (or P-series) of a method: its elementary weights.
+    """B-series (or P-series) of a method: its elementary weights, or its underlying one-step method if it has memory.
 
     Args:
         method: The method; each part of a partitioned method is a colour of the trees.
@@ -201,6 +202,8 @@ def of_method(
     made = class_on(basis)(
         basis, values, empty, names=method.names, label=method.name, digits=digits, uncertainty=errors
     )
+    if isinstance(method, LinearMultistep) and method.rescaled:
+        return made.scale_step(method.rescaling).with_label(method.name)
     if empty == 1 and isinstance(made, BSeries) and isinstance(inputs, ExactStages):
         return made.with_source(inputs)
     return made

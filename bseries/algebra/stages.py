@@ -22,8 +22,10 @@ from fractions import Fraction
 from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
 from operator import mul
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
+from bseries.algebra.general_linear import GeneralLinearInputs
+from bseries.algebra.multistep import MultistepInputs
 from bseries.exact import domains, lie, powers, recursions, stage_sizes
 from bseries.exact.arithmetic import Exact, Wrapped, wrapped_stages
 from bseries.exact.bounds import Bound, scaled
@@ -37,6 +39,7 @@ from bseries_base.errors import shown
 from integrators import PartitionedRungeKutta, RungeKutta, StageAlgebra
 from integrators.core.immutable import cached_method
 from integrators.exact.entries import multiply_entries, sum_entries
+from integrators.methods.kinds.memory import GeneralLinear, LinearMultistep, MethodWithMemory
 from integrators.methods.programs.evaluations import LinearForm
 from integrators.methods.programs.program import Average, Derivative, Evaluation, Field, Flow, Method, Program
 from trees.basis import Basis
@@ -181,7 +184,7 @@ def check_method(method: object) -> Method:
 
 def auxiliary_colors(method: Method) -> frozenset[int]:
     """The colours that are not parts of the field, such as the matrix of a W-method."""
-    if isinstance(method, RungeKutta | PartitionedRungeKutta):
+    if isinstance(method, RungeKutta | PartitionedRungeKutta | MethodWithMemory):
         return frozenset()
     return frozenset(method.names.index(name) for name in method.program.auxiliary)
 
@@ -207,9 +210,18 @@ def size_without_cuts(method: Method) -> tuple[int, int] | None:
 
 
 def inputs_of(method: Method, order: int) -> MethodInputs:
-    """The input for the coefficients of a method: its stages, or a chain of flows."""
+    """The input for the coefficients of a method: its stages, a chain of flows, or those of a method with memory."""
+    if isinstance(method, MethodWithMemory):
+        return _memory_inputs(method, order)
     chain = None if isinstance(method, RungeKutta | PartitionedRungeKutta) else flow_chain(method.program)
     return stages_of(method, order) if chain is None else replace(chain, order=order)
+
+
+@lru_cache(maxsize=64)
+def _memory_inputs(method: MethodWithMemory, order: int) -> MultistepInputs | GeneralLinearInputs:
+    if isinstance(method, LinearMultistep):
+        return MultistepInputs(method, order)
+    return GeneralLinearInputs(cast(GeneralLinear, method))
 
 
 def is_chain(method: Method) -> bool:
@@ -510,5 +522,5 @@ class FlowChain:
         return values
 
 
-MethodInputs: TypeAlias = MethodStages | FlowChain
+MethodInputs: TypeAlias = MethodStages | FlowChain | MultistepInputs | GeneralLinearInputs
 """What the series of a method and its logarithm are computed from."""

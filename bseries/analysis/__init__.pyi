@@ -4,6 +4,7 @@ from .conjugation import conjugate as conjugate
 from .conjugation import conjugate_symplecticity as conjugate_symplecticity
 from .conjugation import effective_order as effective_order
 from .generalised_order import generalised_order as generalised_order
+from .memory_properties import memory_properties as memory_properties
 from .order import Verdict as Verdict
 from .order import error_coefficients as error_coefficients
 from .order import order_of as order_of

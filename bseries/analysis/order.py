@@ -28,6 +28,7 @@ from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.exact.entries import nearest_decimal
 from integrators.exact.polynomials import from_flint, to_flint
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import LinearMultistep, MethodWithMemory
 from integrators.methods.programs.program import Method, RepeatedProgram, as_decimals
 from trees.basis import Basis
 from trees.counting import check_order, count_trees
@@ -213,6 +214,8 @@ def decide_order(method: Method, max_order: int | None) -> tuple[int, int]:
     check_method(method)
     max_order = None if max_order is None else check_order(max_order)
     method = trusted(method)
+    if isinstance(method, LinearMultistep) and not method.rescaled:
+        return (method.order, method.order + 1) if max_order is None else (min(method.order, max_order), max_order)
     if isinstance(method, RungeKutta) and (method.algebra is not None or method.domain == "QQ"):
         limit = 2 * method.stages + 1 if max_order is None else min(max_order, 2 * method.stages) + 1
         proved = simplifying_assumptions(method, limit).order(method)
@@ -264,7 +267,10 @@ def affordable_order(colors: int, trees: int = MOST_TREES) -> int:
 
 def trusted(method: Method) -> Method:
     """The method, or its program, with floats as decimals of `FLOAT_DIGITS` digits, or fewer if it says so."""
-    if inputs_of(method.step if isinstance(method, RepeatedProgram) else method, 1).kind != "float":
+    if (
+        isinstance(method, MethodWithMemory)
+        or inputs_of(method.step if isinstance(method, RepeatedProgram) else method, 1).kind != "float"
+    ):
         return method
     if isinstance(method, RungeKutta):
         A, b = ([[nearest_decimal(to_float(x)) for x in row] for row in rows] for rows in (method.A, [method.b]))

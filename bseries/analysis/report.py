@@ -12,6 +12,7 @@ from bseries.algebra.modified import exact_values, modified_equation, series, ta
 from bseries.algebra.stages import auxiliary_colors, check_method
 from bseries.analysis.conjugation import CONJUGATE_STRUCTURES, ConjugateVerdict
 from bseries.analysis.generalised_order import generalised_orders, is_product_of_two
+from bseries.analysis.memory_properties import memory_properties
 from bseries.analysis.order import (
     MOST_STRUCTURE_TREES,
     MOST_TREES,
@@ -39,6 +40,7 @@ from integrators.core.errors import IntegratorError
 from integrators.exact.entries import EntryRow
 from integrators.exact.expressions import format_number, parse_number
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import MethodWithMemory
 from integrators.methods.programs.program import Method
 from trees.counting import check_order, count_trees
 from trees.hopf.forests import Forest
@@ -81,7 +83,8 @@ class Report(NamedTuple):
         properties: Properties that the coefficients decide for every order: true or false.
         structure: Properties that hold up to some order, each with its verdict.
         assumptions: The simplifying assumptions B(p), C(q), D(r); None where they are not decided.
-        stability: Linear stability and contractivity (see `tableau_properties`).
+        stability: Linear stability and contractivity (see `tableau_properties`); for methods with memory also their
+            error constant and parasitic modes (see `memory_properties`).
         rounded: The order of the method if its entries are rounded numbers, where it is larger (see `rounded_order`).
         generalised: The generalised order where a part of the field is small, by the part, if it is larger (see
             `generalised_order`).
@@ -256,10 +259,17 @@ def check(method: Method | str, order: int | None = None) -> Report:
         {"consistent": found >= 1, **_properties(method)},
         structure_of(method, nodes, found),
         simplifying_assumptions(method, 2 * method.stages + 1) if is_rational else None,
-        tableau_properties(method) if is_tableau else {},
+        _linear_stability(method),
         hidden_order(method, found),
         _generalised(method, found),
     )
+
+
+def _linear_stability(method: Method) -> dict[str, Any]:
+    """Linear stability where it is known for the kind of the method."""
+    if isinstance(method, MethodWithMemory):
+        return memory_properties(method)
+    return tableau_properties(method) if isinstance(method, RungeKutta) else {}
 
 
 def _generalised(method: Method, order: int) -> dict[str, tuple[int, ...]]:
@@ -367,6 +377,7 @@ _NAMES = {
     "i_stable": "I-stable",
     "a_stable": "A-stable",
     "l_stable": "L-stable",
+    "zero_stable": "zero-stable",
     "stability_angle": "stability angle in degrees",
     "linear_ssp_coefficient": "linear SSP coefficient",
     "ssp_coefficient": "SSP coefficient",
@@ -422,7 +433,8 @@ def _rows(report: Report) -> Iterator[tuple[Any, ...]]:
     for name, value in report.stability.items():
         if value is not None and name != "undecided":
             answer = {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
-            latex = None if isinstance(value, bool) else _formula(report.method, name, answer)
+            is_prose = isinstance(value, bool) or name == "parasitic_modes"
+            latex = None if is_prose else _formula(report.method, name, answer)
             yield _NAMES.get(name, name.replace("_", " ")), answer, latex
     for sums, name in zip(report.row_sums, method.names, strict=False):  # only tableaux have row sums
         yield f"row sums of {name}" if name else "row sums", list(sums)
@@ -467,12 +479,14 @@ def _notes(report: Report) -> Iterator[str]:
         else:
             yield f"Structure: {', '.join(names)} are taken as parts of the field, each with the property itself."
     if not report.stability:
-        yield "Linear stability is computed for Runge-Kutta tableaux only."
+        yield "Linear stability is computed for Runge-Kutta tableaux and methods with memory only."
     if report.structure and max(v.tested_to for v in report.structure.values()) <= report.order:
         yield "Up to its order a method has every structure that the exact flow has; more nodes: --order N."
     undecided: dict[str, str] = report.stability.get("undecided", {})
     for reason in dict.fromkeys(undecided.values()):
         facts = ", ".join(_NAMES.get(name, name.replace("_", " ")) for name, why in undecided.items() if why == reason)
         yield as_sentence(f"Not decided: {facts}: {reason}")
+    if isinstance(report.method, MethodWithMemory):
+        yield "Order, error and structure are those of the underlying one-step method."
     for issue in report.method.issues:
         yield f"Warning: {issue}."

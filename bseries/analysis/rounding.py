@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from bseries.algebra.modified import series
 from bseries.algebra.stages import FlowChain, auxiliary_colors, check_method, inputs_of
@@ -14,6 +14,7 @@ from bseries.exact.domains import alike
 from bseries_base.table import Table, as_html, fact_table
 from integrators import PartitionedRungeKutta, RungeKutta
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import MethodWithMemory
 from integrators.methods.programs.program import Method
 
 LEAST_DIGITS = 6
@@ -105,7 +106,7 @@ def _digits_shown(decimals: Method, nodes: int) -> int:
 
     table, auxiliary = basis_of_conditions(decimals, nodes), auxiliary_colors(decimals)
     exact = exact_values_of(table, auxiliary)
-    values, sizes = rough_series(decimals, inputs_of(decimals, nodes), table)
+    values, sizes = rough_series(decimals, cast(Any, inputs_of(decimals, nodes)), table)
     # A coefficient of a tree with n nodes changes by at most n times the relative error of the entries.
     most = nodes * 5 * 10.0**-LEAST_DIGITS
     if (abs(values - np.array(list(map(float, exact.coefficients())))) > 2 * most * sizes).any():
@@ -126,10 +127,10 @@ def _digits_shown(decimals: Method, nodes: int) -> int:
 def _as_decimals(method: Method) -> Method | None:
     """The method with as many digits as are written, `MOST_DIGITS` for other fractions; None if it has none."""
     method = trusted(method)
-    if method.domain not in ("QQ", "decimal"):
+    if isinstance(method, MethodWithMemory) or method.domain not in ("QQ", "decimal"):
         return None
     plain = _with_digits(method, MOST_DIGITS)
-    inputs = inputs_of(plain, 1)
+    inputs: Any = inputs_of(plain, 1)
     numbers = inputs.times if isinstance(inputs, FlowChain) else [*inputs.stages.a, *inputs.stages.b]
     digits = max(map(_significant, numbers))
     return None if digits < LEAST_DIGITS else _with_digits(plain, digits)

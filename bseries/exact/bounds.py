@@ -57,14 +57,15 @@ def sum_of_powers(weights: Sequence[Sequence[Fraction]], flow: Bound) -> Bound:
 
 
 @lru_cache(maxsize=256)
-def logarithm(growth: Growth, flow: Bound, known: Bound = (ONE,)) -> Bound:
+def logarithm(growth: Growth, flow: Bound, known: Bound = (ONE,), weights: tuple[Fraction, ...] = ()) -> Bound:
     """b = log a, which is a − Σ_{j≥2} ∂_b^{j−1} b / j!; `known` bounds |b| at the smallest trees more sharply.
 
-    The bound is large without what is known, and close to the largest value with it.
+    `weights` may take the place of 1/j!, j = 0, 1, … The bound is large without what is known, and close to the largest
+    value with it.
     """
     field, derivatives = list(known), [[0]]
     for n in range(1, len(flow)):
-        total = flow[n] + _longer(growth, derivatives, field, n)
+        total = flow[n] + _longer(growth, derivatives, field, n, weights)
         if n == len(field):
             field.append(total)
         derivatives[0].append(field[n])
@@ -81,14 +82,17 @@ def exponential(growth: Growth, field: Bound) -> Bound:
     return tuple(found)
 
 
-def _longer(growth: Growth, derivatives: list[list[int]], field: Sequence[int], n: int) -> int:
+def _longer(
+    growth: Growth, derivatives: list[list[int]], field: Sequence[int], n: int, weights: Sequence[Fraction] = ()
+) -> int:
     """Σ_{j≥2} ∂_b^{j−1} b / j! at n nodes, whose terms are added to the derivatives for j = 1, 2, …"""
     total = 0
     for j in range(2, n + 1):
         if len(derivatives) < j:
             derivatives.append([0] * n)
         derivatives[j - 1].append(derivative(growth, field, derivatives[j - 2], n))
-        total += derivatives[j - 1][n] // math.factorial(j) + 1
+        weight = abs(weights[j]) if weights else Fraction(1, math.factorial(j))
+        total += derivatives[j - 1][n] * weight.numerator // weight.denominator + 1
     return total
 
 

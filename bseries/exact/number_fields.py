@@ -76,7 +76,8 @@ def domain_of(numbers: Sequence[sympy.Expr], *, few: bool) -> tuple[Any, list[An
     powers: set[Any] = set().union(*(x.atoms(sympy.Pow) for x in numbers))
     nested = (x for x in powers if x.is_number and x.exp.is_Rational and not (x.exp.is_Integer or x.base.is_Rational))
     if not any(nested) or any(x.free_symbols for x in numbers):
-        return sympy.construct_domain(numbers, extension=True if few else None)
+        constructed: Any = sympy.construct_domain(numbers, extension=True if few else None)
+        return constructed
     try:
         found = common_field(numbers)
     except ArithmeticError:

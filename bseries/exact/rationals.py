@@ -236,7 +236,8 @@ def evaluate(basis: Basis, sources: Sequence[Any], operation: Operation) -> Rati
             return _prime_numerators(basis, run(arithmetics.prime_field(prime)), denominators, prime)
         return _word_numerators(basis, run(words), scaling)
 
-    lost, avoid = None if scaling is None else scaling.excess, common * operation.units * operation.avoid
+    lost = None if scaling is None else scaling.excess if any(scaling.excess) else ()
+    avoid = common * operation.units * operation.avoid
     return proved(basis, residues, denominators, step, operation.bound, lost=lost, avoid=avoid)
 
 

@@ -162,13 +162,13 @@ def _weights(rows: tuple[tuple[int, ...], ...], arithmetic: Exact) -> tuple[int,
     return steps, arithmetic.vector(powers), arithmetic.vector(tails)
 
 
-def logarithm(target: Any, basis: Basis, arithmetic: Exact) -> Any:
+def logarithm(target: Any, basis: Basis, arithmetic: Exact, weights: Any = None) -> Any:
     """The field b with exp b = target, a flow with the scaling of a field.
 
-    Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!.
+    Order by order b = a − Σ_{j≥2} ∂_b^{j−1} b / j!. Other `weights`, factors of the arithmetic, may replace −1/j!.
     """
     field = arithmetic.zeros(len(basis))
-    weights = factorial_weights(arithmetic, basis.max_order, 1, True, negated=True)
+    weights = weights or factorial_weights(arithmetic, basis.max_order, 1, True, negated=True)
     _lie_series(basis, arithmetic, True, False, field, None, 1, weights, target)
     return field
 

@@ -11,8 +11,8 @@ from integrators import RungeKutta, TableauWarning, method, parse_hamiltonian, p
 from integrators.core.arguments import split_row
 from integrators.core.errors import IntegratorError
 from integrators.exact.arguments import read_number
+from integrators.methods.kinds.files import loads_method
 from integrators.methods.programs.program import Method
-from integrators.methods.tableaux.files import loads_method
 from integrators.scenes.scene import Scene
 from integrators.scenes.text import read_values
 

@@ -18,6 +18,11 @@ from .kinds.extended_runge_kutta import LawsonMethod as LawsonMethod
 from .kinds.extended_runge_kutta import Rosenbrock as Rosenbrock
 from .kinds.extended_runge_kutta import TwoDerivativeRungeKutta as TwoDerivativeRungeKutta
 from .kinds.extended_runge_kutta import WMethod as WMethod
+from .kinds.files import load_method as load_method
+from .kinds.files import save_method as save_method
+from .kinds.memory import GeneralLinear as GeneralLinear
+from .kinds.memory import LinearMultistep as LinearMultistep
+from .kinds.memory import TwoStepRungeKutta as TwoStepRungeKutta
 from .kinds.second_order import ForceGradient as ForceGradient
 from .kinds.second_order import RungeKuttaNystrom as RungeKuttaNystrom
 from .kinds.second_order import TakahashiImada as TakahashiImada
@@ -28,8 +33,6 @@ from .kinds.splitting import strang as strang
 from .programs.builder import ProgramBuilder as ProgramBuilder
 from .programs.program import Method as Method
 from .programs.program import Program as Program
-from .tableaux.files import load_method as load_method
-from .tableaux.files import save_method as save_method
 from .tableaux.partitioned import PartitionedRungeKutta as PartitionedRungeKutta
 from .tableaux.runge_kutta import RungeKutta as RungeKutta
 from .tableaux.runge_kutta import TableauWarning as TableauWarning

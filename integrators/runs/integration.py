@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
 from time import monotonic
 from typing import Any, NamedTuple
@@ -16,8 +16,10 @@ from integrators.core.errors import IntegratorError
 from integrators.core.text_files import check_path
 from integrators.exact.arguments import step_count
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method
 from integrators.runs.observers import Observers, observers
+from integrators.runs.starting import RUNGE_KUTTA, starting_values
 from integrators.runs.storage import Checkpoint, Counts, FolderRecording, Recording, Rows, description, identity
 from integrators.runs.trajectory import PART, Trajectory
 from integrators.scenes.catalogue.registry import as_scene
@@ -68,14 +70,22 @@ class Run:
         self._grids, self.restart = grids, state.copy()
         self.warning: str | None = None
 
-    def keep_state(self, *, is_end: bool) -> None:
-        """Record the present state: the start, or the last one unless it has been recorded."""
-        state = self.state
-        counts = Counts(*(int(not is_end or not grid.includes(state.n)) for grid in self._grids))
+    def keep_first(self, states: np.ndarray) -> None:
+        """Record the states of the start: one, or the starting values of a multistep method, up to the present one."""
+        for n, y in enumerate(states, self.state.n + 1 - len(states)):
+            t = self.state.t if n == self.state.n else self.state.t0 + n * self.state.h
+            self._keep(t, y, [grid.includes(n) for grid in self._grids])
+
+    def keep_last(self) -> None:
+        """Record the present state, the last one, unless it has been recorded."""
+        self._keep(self.state.t, self.state.y, [not grid.includes(self.state.n) for grid in self._grids])
+
+    def _keep(self, t: float, y: np.ndarray, kept: Sequence[bool]) -> None:
+        counts = Counts(*map(int, kept))
         rows = self.recording.room(counts)
-        rows["y"][:], rows["t"][:] = state.y, state.t
+        rows["y"][:], rows["t"][:] = y, t
         if counts.observed and "observed" in rows:
-            rows["observed"][:], rows["observed_t"][:] = self.observer(state.t, state.y), state.t
+            rows["observed"][:], rows["observed_t"][:] = self.observer(t, y), t
         self._add(rows, counts)
 
     def advance(self, steps: int) -> int:
@@ -122,6 +132,7 @@ def integrate(
     span: float | str | None = None,
     y0: object = None,
     t0: float = 0.0,
+    start: object = RUNGE_KUTTA,
     parts: Parts | None = None,
     save_every: int | None = 1,
     observe: object = None,
@@ -146,6 +157,9 @@ def integrate(
         span: The length of time instead of `steps`; the last step may end later.
         y0: The start, (variables,), or values of some blocks or variables by name; by default that of
             the scene (at time `t0` if the time is among its variables).
+        start: For a multistep method with k steps ``"runge-kutta"``, which makes the first k − 1 steps by a Runge–Kutta
+            method of its order, or k starting values, (k, variables), in place of y0, such as those on its underlying
+            one-step method (`bseries.memory.starting_values`).
         parts, compensated, split, solver, average_nodes, control: As for `stepper`.
         save_every: Store the start, every `save_every`-th state, and the last; None stores start and end only.
         observe: Quantities to observe, see `observers`: ``"energy"``, names of first integrals, ``"invariants"``,
@@ -189,12 +203,15 @@ def integrate(
     observe_every = save_every if observe_every is None else read_steps(observe_every, "observe_every", 1)
     numerics = dict[str, Any](compensated=compensated, split=split, solver=solver, average_nodes=average_nodes)
     compiled, observer = stepper(method, scene, parts=parts, control=control, **numerics), observers(scene, observe)
-    if isinstance(y0, Mapping):
-        y0 = scene.with_start(**y0).y0
-    elif y0 is None:
-        y0 = scene.y0
-        if TIME in scene.places:
-            y0[scene.places[TIME]] = t0
+    first = None
+    if isinstance(method, LinearMultistep):
+        y0 = first = starting_values(method, scene, _start_of(scene, y0, t0, start), h, t0, start)
+        if steps < method.steps - 1:
+            raise IntegratorError(f"steps must be at least {method.steps - 1} for {method.name}, but was {steps}")
+    elif start is not RUNGE_KUTTA and start != RUNGE_KUTTA:
+        raise IntegratorError(f"start must be left out for a one-step method, but was {shown(start)}")
+    else:
+        y0 = _start_of(scene, y0, t0, start)
     state = compiled.start(y0, h=h, t0=t0)
     if not len(state.control):  # variable steps have times of their own
         check_end(state.t0, state.h, steps)
@@ -210,8 +227,8 @@ def integrate(
     options |= {**numerics, "control": None if control is None else str(control)}
     saved = None
     if path is not None:
-        start = sha256(state.y.tobytes()).hexdigest()
-        saved = Checkpoint(path, identity(compiled, observer, options, start), checkpoint_every)
+        begin = sha256((state.y if first is None else first).tobytes()).hexdigest()
+        saved = Checkpoint(path, identity(compiled, observer, options, begin), checkpoint_every)
     is_resumed = saved is not None and saved.restore(state, steps)
     grids = OutputSteps(save_every), OutputSteps(observe_every)
     total = Counts(*(grid.count(steps) for grid in grids))
@@ -226,8 +243,20 @@ def integrate(
         recording = FolderRecording(about, total, folder + PART, target, counts)
     run = Run(compiled, state, observer, grids, recording)
     if not is_resumed:
-        run.keep_state(is_end=False)
+        run.keep_first(state.y[None] if first is None else first)
     return _completed(run, steps, saved, show)
+
+
+def _start_of(scene: Scene, y0: object, t0: float, start: object) -> object:
+    """The start of a run: that of the scene at the time t0, unless it is given."""
+    if isinstance(y0, Mapping):
+        return scene.with_start(**y0).y0
+    if y0 is not None or not isinstance(start, str):
+        return y0
+    y0 = scene.y0
+    if TIME in scene.places:
+        y0[scene.places[TIME]] = t0
+    return y0
 
 
 def _completed(
@@ -246,7 +275,7 @@ def _completed(
                 run.recording.sync()
                 checkpoint.write(run.state)
     except StepError as error:
-        run.keep_state(is_end=True)
+        run.keep_last()
         error.trajectory = _closed(run, checkpoint)
         raise
     except BaseException:  # Ctrl-C, an error in `progress`, or a full disk
@@ -256,7 +285,7 @@ def _completed(
             checkpoint.write(run.restart)
             run.recording.close()
         raise
-    run.keep_state(is_end=True)
+    run.keep_last()
     if run.warning is not None:
         warn_user(run.warning, RuntimeWarning)
     return _closed(run, checkpoint)

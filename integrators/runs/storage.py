@@ -23,8 +23,8 @@ from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.core.stored_arrays import TEXT, Form, StoredArrays, read_json, reading, write_arrays
 from integrators.core.text_files import atomic_write, lock, remove_unfinished
+from integrators.methods.kinds.files import dumps_method
 from integrators.methods.programs.program import Method, program_text
-from integrators.methods.tableaux.files import dumps_method
 from integrators.runs.observers import Observers
 from integrators.runs.trajectory import ROWS, RUN, Trajectory, load_trajectory, read_run, row_widths, trajectory_of
 from integrators.scenes.scene import Scene

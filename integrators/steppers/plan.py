@@ -21,12 +21,15 @@ from graphlib import CycleError, TopologicalSorter
 from integrators.core.errors import IntegratorError
 from integrators.methods.programs.evaluations import Average, Derivative, Evaluation, Field, Flow, LinearForm, operands
 from integrators.methods.programs.program import Method
-from integrators.steppers.step_model import DECIMALS, Call, Form, Group, Key, Node, Plan, Point, fraction
+from integrators.steppers.multistep import MultistepNodes
+from integrators.steppers.step_model import DECIMALS, Call, Form, Group, Key, Node, Past, Plan, Point, fraction
 from integrators.steppers.structure import Structure
 
 
 class Nodes:
     """The nodes of a method on a scene, without duplicates, and for each block the end of a step (`result`)."""
+
+    past: Past = ()
 
     def __init__(self, method: Method, structure: Structure):
         program = method.rational_program(DECIMALS)
@@ -169,15 +172,15 @@ def _rational(form: LinearForm) -> Form:
     return Form.of(fraction(form.start), {e: fraction(x) for e, x in form.terms.items()})
 
 
-def plan(nodes: Nodes, *, stagger: bool = True) -> Plan:
+def plan(nodes: Nodes | MultistepNodes, *, stagger: bool = True) -> Plan:
     """Plan a step; kicks of successive steps may be merged (`stagger`) if steps are of equal size."""
     found = _Planner(nodes).plan()
     return _numbered(_staggered(found) if stagger else found, nodes)
 
 
 class _Planner:
-    def __init__(self, nodes: Nodes):
-        self.structure = nodes.structure
+    def __init__(self, nodes: Nodes | MultistepNodes):
+        self.structure, self.past = nodes.structure, nodes.past
         self.nodes, self.result = dict(nodes.nodes), dict(nodes.result)
         self.next = 1 + max((e for e, _ in self.nodes), default=0)
         self.work: list[Call | Group] = []
@@ -196,7 +199,7 @@ class _Planner:
                 self._add_group(component)
         reused = self._reused()
         apart = {*reused, *reused.values()}
-        return Plan(tuple(_merged(self.work, apart=apart)), self.result, reused, {}, {})
+        return Plan(tuple(_merged(self.work, apart=apart)), self.result, reused, {}, {}, self.past)
 
     def _add_group(self, keys: Sequence[Key]) -> None:
         """Add an implicit group, with linear blocks substituted into the points of the others."""
@@ -304,12 +307,14 @@ def _staggered(found: Plan) -> Plan:
     return found._replace(work=tuple(work), result=result, staggered=staggered)
 
 
-def _numbered(found: Plan, nodes: Nodes) -> Plan:
+def _numbered(found: Plan, nodes: Nodes | MultistepNodes) -> Plan:
     """Number evaluations in order of computation, so that methods that come to the same steps have the same source."""
     number: dict[int, int] = {}
     for work in found.work:
         for e, _ in work.written:
             number.setdefault(e, len(number))
+    for e, _ in found.past:
+        number.setdefault(e, len(number))
 
     def terms(old: Iterable[tuple[int, Fraction]]) -> tuple[tuple[int, Fraction], ...]:
         return tuple((number[e], x) for e, x in old)
@@ -329,6 +334,7 @@ def _numbered(found: Plan, nodes: Nodes) -> Plan:
         {(number[e], block): (number[end], block) for (e, block), (end, _) in found.reused.items()},
         {block: terms(kicks) for block, kicks in found.staggered.items()},
         {number[e]: nodes.abscissa(e) for implicit in found.groups for e, _ in implicit.unknowns},
+        tuple((number[e], terms(old)) for e, old in found.past),
     )
 
 

@@ -81,6 +81,7 @@ class StepSource:
         work: The number of doubles of work arrays that the caller must provide.
         numbers: Functions of h whose values, concatenated, are the numbers that depend on the step size.
         iterates: Whether there are implicit stages that are iterated.
+        past: The entries of each vector of the past, which are at the end of the memory.
     """
 
     text: str
@@ -88,6 +89,7 @@ class StepSource:
     work: int
     numbers: tuple[Callable[[float], np.ndarray], ...]
     iterates: bool
+    past: tuple[int, ...] = ()
 
     @cached_property
     def code(self) -> MachineCode:
@@ -135,6 +137,10 @@ class WrittenStep:
         for work in self.plan.computed:
             lines += writer.call_lines(work) if isinstance(work, Call) else solver(work, writer)
         lines += [line for block, form in self.plan.result.items() for line in self.forms.update(block, form)]
+        for e, terms in self.plan.past:
+            target = writer.array(f"k{e}")
+            for block in self.plan.moved:
+                lines += self.forms.assignments(block, [Assign(target, "=", self.forms.sum(block, terms))])
         self.forms.end_step()
         return lines
 
@@ -149,7 +155,11 @@ class WrittenStep:
             first += writer.call_lines(work)
         for group in self.plan.groups:
             first += first_values(group, writer)
-        load, store, memory = self._memory_lines()
+        derivatives = (*self.plan.reused, *(key for group in self.plan.groups for key in group.unknowns))
+        kept = [(f"k{e}", block) for e, block in derivatives] + [("y", block) for block in self.plan.staggered]
+        load, store, memory = self._memory_lines(kept)
+        past = [(f"k{e}", block) for e, _ in self.plan.past for block in self.plan.moved]
+        load_past, store_past, size_of_all = self._memory_lines(past, memory)
         formula = writer.options.control
         control = ControlText() if formula is None else control_text(formula, writer)
         last: list[str] = []
@@ -159,8 +169,9 @@ class WrittenStep:
             last += forms.assignments(block, [Assign("source", "=", Sum((Entry("y"), taken)))])
         start = ["if fresh:", *indented([*control.fresh, *first])] if control.fresh or memory else []
         start += ["else:", *indented(load)] if memory else []
+        start += load_past
         loop = ["done = 0", "while done < steps:", *indented([*control.before, *body, *control.after, "done += 1"])]
-        steps = [*control.load, *start, *loop, *store, *control.store]
+        steps = [*control.load, *start, *loop, *store, *store_past, *control.store]
         arrays, size = writer.array_lines()
         lines = [
             *arrays,
@@ -176,15 +187,14 @@ class WrittenStep:
         used = {home: [name for name in names if name in words] for home, names in KERNELS.items()}
         kernels = "\n".join(f"from {home} import {', '.join(names)}" for home, names in used.items() if names)
         text = module.source(self.structure.scene, TEMPLATE.replace("{kernels}", kernels))
-        return StepSource(text, memory, size, tuple(writer.numbers), bool(self.plan.groups))
+        moved = [range(a, b) for block in self.plan.moved for a, b in self.structure.blocks[block]]
+        entries = tuple(i for part in moved for i in part) if past else ()
+        return StepSource(text, size_of_all, size, tuple(writer.numbers), bool(self.plan.groups), entries)
 
-    def _memory_lines(self) -> tuple[list[str], list[str], int]:
-        """Statements that load and store everything that is kept from step to step, and its size."""
-        derivatives = (*self.plan.reused, *(key for group in self.plan.groups for key in group.unknowns))
-        kept = [(f"k{e}", block) for e, block in derivatives] + [("y", block) for block in self.plan.staggered]
+    def _memory_lines(self, kept: list[tuple[str, int]], size: int = 0) -> tuple[list[str], list[str], int]:
+        """Statements that load and store arrays that are kept from step to step, and the end of their memory."""
         load: list[str] = []
         store: list[str] = []
-        size = 0
         for name, block in kept:
             for a, b in self.structure.blocks[block]:
                 kept_at, loop = entry("m", "i", size - a), f"for i in range({a}, {b}):"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import sympy
 
@@ -122,6 +122,10 @@ class Group(NamedTuple):
         return sorted({block for _, block in self.unknowns})
 
 
+Past: TypeAlias = tuple[tuple[int, tuple[tuple[int, Fraction], ...]], ...]
+"""Vectors kept from step to step, and the sums of vectors that they become."""
+
+
 class Plan(NamedTuple):
     """One step.
 
@@ -133,6 +137,8 @@ class Plan(NamedTuple):
         staggered: Kicks, with their coefficients, by the blocks in which a step begins after the first kick; there y
             in `work` and `result` stands for y + h x k.
         abscissas: The abscissa of each evaluation of an implicit group.
+        past: Vectors k_e that a multistep method keeps, and the sums Σ x_i k_i that they become, in this order, at the
+            end of a step.
     """
 
     work: tuple[Call | Group, ...]
@@ -140,6 +146,12 @@ class Plan(NamedTuple):
     reused: Mapping[Key, Key]
     staggered: Mapping[int, tuple[tuple[int, Fraction], ...]]
     abscissas: Mapping[int, Fraction]
+    past: Past = ()
+
+    @property
+    def moved(self) -> list[int]:
+        """The blocks that change in a step."""
+        return [block for block, form in self.result.items() if not form.is_start]
 
     @property
     def groups(self) -> list[Group]:

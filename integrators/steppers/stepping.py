@@ -19,6 +19,7 @@ from integrators.core.errors import IntegratorError
 from integrators.core.immutable import cached_method
 from integrators.exact.arguments import read_number, read_vector
 from integrators.methods.catalogue.registry import as_method
+from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method
 from integrators.methods.tableaux.registers import RegisterForm
 from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -28,6 +29,7 @@ from integrators.scenes.scene import Scene
 from integrators.steppers.adaptive import read_control, start_control
 from integrators.steppers.flows import MOST_NODES
 from integrators.steppers.implicit_stages import SOLVERS
+from integrators.steppers.multistep import MultistepNodes, past_vectors, read_starting_values
 from integrators.steppers.plan import Nodes, plan
 from integrators.steppers.register_steps import register_source
 from integrators.steppers.source import HELPERS, StepSource, source_of, step_source
@@ -64,6 +66,9 @@ def compile_step(method: Method, scene: Scene, parts: Parts | None, options: Opt
 
     A method in a form with registers is its own plan (`register_steps`).
     """
+    if isinstance(method, LinearMultistep):
+        structure = Structure(scene, pieces_of(method.names, scene, parts))
+        return step_source(structure, plan(MultistepNodes(method, structure), stagger=False), options)
     structure = Structure(scene, method_pieces(method, scene, parts))
     if isinstance(method, RungeKutta) and method.form is not None:
         return register_source(structure, method.form, options)
@@ -127,21 +132,32 @@ class Stepper:
         """Start a run.
 
         Args:
-            y0: The initial values, (variables,); by default those of the scene.
+            y0: The initial values, (variables,); by default those of the scene. For a multistep method with k steps its
+                k starting values, (k, variables): the run begins at the last one, with n = k − 1.
             h: The step size, positive or negative; with variable steps the factor ε of h = ε σ(y).
             t0: The time at the start.
 
         Raises:
             IntegratorError: A number is missing or not finite, h is zero, or σ is not positive at y0.
         """
-        y = self.scene.y0 if y0 is None else read_vector(y0, "y0", self.scene.dimension)
         step, time = read_number(h, "h"), read_number(t0, "t0")
         if step == 0:
             raise IntegratorError(f"h must not be zero, but was {step:g}")
-        memory = self._compiled(self._first_solver).memory
+        memory, states = self._compiled(self._first_solver).memory, None
+        if isinstance(self.method, LinearMultistep):
+            states = read_starting_values(self.method, y0, self.scene.dimension)
+            y = states[-1].copy()
+        else:
+            y = self.scene.y0 if y0 is None else read_vector(y0, "y0", self.scene.dimension)
         state = State(np.ascontiguousarray(y), step, time, memory, self._first_solver)
         if self.control is not None:
             state.control = start_control(self.control, self.scene, state.y, time)
+        if isinstance(self.method, LinearMultistep) and states is not None:
+            entries = list(self._compiled(self._first_solver).past)
+            vectors = past_vectors(self.method, states, step, compiled_scene(self.scene).field)
+            past = np.concatenate([*(x[entries] for x in vectors), np.empty(0)])
+            state.memory[memory - len(past) :] = past
+            state.n = len(states) - 1
         return state
 
     def restart(self, state: State, *, y: Sequence[float] | np.ndarray | None = None, h: float | None = None) -> State:
@@ -396,6 +412,8 @@ def stepper(
     if average_nodes is not None and (type(average_nodes) is not int or not 1 <= average_nodes <= MOST_NODES):
         given = shorten(repr(average_nodes))
         raise IntegratorError(f"average_nodes must be an integer from 1 to {MOST_NODES}, but was {given}")
+    if control is not None and isinstance(method, LinearMultistep):
+        raise IntegratorError(f"control must be None for a multistep method, but was {shown(control)}")
     formula = None if control is None else read_control(control, scene)
     options = Options(solver, compensated, split, average_nodes, formula)
     form = method.form if isinstance(method, RungeKutta) else None  # methods of two forms are equal

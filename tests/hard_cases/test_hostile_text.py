@@ -19,7 +19,7 @@ from integrators import parse_hamiltonian, parse_scene
 from integrators.exact.expressions import parse_expression, parse_number
 from integrators.methods import export_tableau, import_tableau
 from integrators.methods.exchange.tableaus import FORMATS
-from integrators.methods.tableaux.files import dumps_method, loads_method
+from integrators.methods.kinds.files import dumps_method, loads_method
 from integrators.scenes.text import loads_scene
 from trees import Tree
 from trees.hopf import Forest

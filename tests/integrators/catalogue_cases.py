@@ -89,7 +89,7 @@ def claims(left_out=()):
         suitable = FOR_FORCES_WITH_VELOCITY.get(entry.name, SUITABLE.get(entry.kind, GENERAL))
         for stages in range(entry.least_stages, entry.least_stages + 3) if entry.is_family else [None]:
             place = places[entry.kind] = places.get(entry.kind, -1) + 1
-            if entry.kind in left_out:
+            if entry.kind == "multistep" or entry.kind in left_out:
                 continue
             for name in suitable if os.environ.get("BSERIES_ALL_SCENES") else [suitable[place % 3]]:
                 case = f"{entry.name}{stages or ''}-{name}"

@@ -77,7 +77,7 @@ def read_method(
     source: str | None, inline: Mapping[str, str] = {}, settings: Iterable[str] = (), digits: int | None = None
 ) -> Method | None:
     """The method of the command line; inconsistencies of a tableau are printed as warnings."""
-    from integrators import RungeKutta, TableauWarning, load_method
+    from integrators import PartitionedRungeKutta, RungeKutta, TableauWarning, load_method
     from integrators import method as catalogue_method
 
     values = read_assignments(settings, "set", "gamma=1/4")
@@ -102,7 +102,10 @@ def read_method(
             raise Refusal(f"digits must be left out for a method of the catalogue, but was {digits}")
         else:
             return catalogue_method(source, **values)
-        tableau = tableau.substitute(values)
+        if isinstance(tableau, RungeKutta | PartitionedRungeKutta):
+            tableau = tableau.substitute(values)
+        elif values:
+            raise Refusal("set must come with a tableau or a method of the catalogue, but the file has another kind")
     for issue in tableau.issues:
         say("warning", issue)
     return tableau

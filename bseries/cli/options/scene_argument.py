@@ -194,7 +194,7 @@ def _check_parts(text: str | None, method: Method, scene: Scene) -> None:
 
     if text is not None and len(method.names) == 1:
         raise Refusal(f"parts must be left out for {method.name}, which has none, but was {text!r:.60}")
-    if text is None and not method.program.auxiliary and default_pieces(method.names, scene) is None:
+    if text is None and default_pieces(method.names, scene) is None and not method.program.auxiliary:
         _refuse_parts(method, scene)  # the library refuses auxiliary parts in any scene
 
 

@@ -26,6 +26,7 @@ TABLEAU_KINDS = ("explicit", "embedded pair", "diagonally implicit", "implicit",
 PROGRAM_KINDS = (
     *("continuous stage", "nystrom", "force gradient", "nystrom splitting", "splitting"),
     *("two-derivative", "additive", "exponential", "rosenbrock", "w-method"),
+    "multistep",
 )
 KINDS = (*TABLEAU_KINDS, *PROGRAM_KINDS)
 """All kinds, in the order of the catalogue."""
@@ -41,7 +42,7 @@ class MethodEntry(NamedTuple):
     A sequence of entries is what another distribution names as an entry point ``bseries.methods``.
 
     Attributes:
-        name: The name; a family's name is followed by its number of stages.
+        name: The name; a family's name is followed by its number of stages, or of steps.
         kind: One of `KINDS`.
         stages: The number of stages; None for a family, whose name is followed by this number.
         order: The order claimed by the source; for a family its formula, such as ``"2s-1"``.

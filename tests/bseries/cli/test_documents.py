@@ -18,6 +18,7 @@ from bseries.algebra.presentation import KINDS
 from bseries.course.answers import check_answers
 from bseries.document_schemas import FILE, SHARED
 from bseries.scene_text import head
+from integrators.methods.kinds.files import WITH_MEMORY
 
 ROOT = Path(__file__).parents[3]
 WITHOUT_KIND = {"tableau", "scene-file", "verdict"}
@@ -86,12 +87,15 @@ OBJECTS = {
     "closed-hamiltonian": lambda: bs.hamiltonians.closed_hamiltonian("symplectic-euler-p", "harmonic-oscillator"),
     "field": lambda: bs.series("rk4", 3).log(),
     "error-coefficients": lambda: bs.analysis.error_coefficients("rk4"),
+    "general-linear": lambda: bs.memory.bdf(2).to_general_linear(),
     "generating-function": lambda: bs.hamiltonians.generating_function("implicit-midpoint", "pendulum", 3),
+    "linear-multistep": lambda: bs.method("ab2"),
     "invariant": lambda: bs.modified_invariant(bs.modified_field("symplectic-euler-p", "lotka-volterra", 3)),
     "normal-form": rotor,
     "prediction": lambda: bs.predict_run("stormer-verlet", "pendulum", h=0.1, steps=100, timed=False),
     "reach": lambda: bs.fields.reach(bs.modified_field("stormer-verlet", "pendulum", 5), [0.0, 1.0], 0.1),
     "recommendation": lambda: bs.work_precision("rk4", "pendulum", span=2, errors=(1e-1, 1e-2)).best(1e-1),
+    "two-step-runge-kutta": lambda: bs.TwoStepRungeKutta([0], 0, [[0]], ["3/2"], [[0]], ["-1/2"]),
     "scene-file": lambda: bs.scene("outer-solar-system"),
     "shadow": lambda: bs.shadow_energy(trajectory(), order=4),
     "tableau": lambda: bs.method("lobatto-iiia-iiib3"),
@@ -136,7 +140,7 @@ def test_all_kinds_in_the_code_have_a_schema():
                for path in (ROOT / room).rglob("*.py"))  # fmt: skip
     written = {one or other for source in sources for one, other in re.findall(pattern, source)}
     assert head("x", "rk4", bs.scene("pendulum"))["kind"] == "x"
-    assert kinds() == written | set(KINDS) | WITHOUT_KIND
+    assert kinds() == written | set(KINDS) | set(WITH_MEMORY) | WITHOUT_KIND
     assert kinds() == set(COMMANDS.values()) | set(OBJECTS)
 
 
@@ -157,7 +161,7 @@ def test_objects_keep_to_the_schema(kind):
 def test_every_tableau_and_every_scene_of_the_catalogues():
     for entry in bs.catalogue():
         method = bs.method(f"{entry.name}{entry.least_stages + 1 if entry.is_family else ''}")
-        kind = "tableau" if isinstance(method, bs.RungeKutta | bs.PartitionedRungeKutta) else "method"
+        kind = "tableau" if isinstance(method, bs.RungeKutta | bs.PartitionedRungeKutta) else method.to_dict()["kind"]
         validator(kind).validate(json.loads(json.dumps(method.to_dict())))
     for entry in integrators.scene_catalogue():
         validator("scene-file").validate(json.loads(json.dumps(entry.build().to_dict())))

@@ -9,7 +9,7 @@ import pytest
 import bseries as bs
 from bseries.explorer.report import report_html
 from integrators import RungeKutta
-from integrators.methods.tableaux.files import loads_method
+from integrators.methods.kinds.files import loads_method
 
 pytestmark = pytest.mark.minimum
 

@@ -179,7 +179,7 @@ def defect_of_symplecticity(made, name):
 def named(left_out, slow):
     """Two members of each family and all other methods, without some kinds; those that are `slow` are marked."""
     for entry in catalogue():
-        if entry.kind not in left_out:
+        if entry.kind not in {*left_out, "multistep"}:
             for stages in range(entry.least_stages, entry.least_stages + 2) if entry.is_family else [None]:
                 marks = [pytest.mark.slow] * slow(entry, stages)
                 yield pytest.param(entry, stages, id=f"{entry.name}{stages or ''}", marks=marks)

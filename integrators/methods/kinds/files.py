@@ -1,4 +1,4 @@
-"""Tableau files in JSON and TOML; a method written is read back as an equal one.
+"""Files of methods in JSON and TOML; a method written is read back as an equal one.
 
     {"name": "heun2", "A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"], "c": [0, 1]}
 
@@ -6,12 +6,15 @@ Further keys: ``embedded`` (one or several rows of weights), ``parameters`` (sym
 digits of published decimals), ``reference``, ``domain`` ("float": numbers are doubles instead of exact decimals).
 Instead of A, b and c a file may have ``algebra`` (``polynomial``, ``A``, ``b``, see `StageAlgebra`), ``partitions``
 (name to tableau), or ``form``, a low-storage or Shu–Osher form: its ``kind``, such as 2N, and its coefficients by name.
+Methods with memory have a ``kind`` and the arguments of their class:
+
+    {"kind": "linear-multistep", "name": "ab2", "alpha": [0, -1, 1], "beta": ["-1/2", "3/2", 0]}
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from decimal import Decimal
 from typing import IO, Any
 
@@ -21,16 +24,24 @@ from integrators.core.arguments import items
 from integrators.core.errors import IntegratorError
 from integrators.core.text_files import atomic_write
 from integrators.exact.entries import read_entry
+from integrators.methods.kinds.memory import GeneralLinear, LinearMultistep, MethodWithMemory, TwoStepRungeKutta
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
 from integrators.methods.tableaux.registers import read_form
 from integrators.methods.tableaux.runge_kutta import RungeKutta, emit
 from integrators.methods.tableaux.stage_algebra import StageAlgebra
 
-Method = RungeKutta | PartitionedRungeKutta
+Method = RungeKutta | PartitionedRungeKutta | MethodWithMemory
 
 LABELS = ("name", "reference")
 PART_KEYS = ("name", "A", "b", "c", "embedded", "algebra", "form", "parameters", "digits", "reference", "domain")
 KEYS = (*PART_KEYS, "partitions")
+OPTIONAL = ("rescaled", "finishing")
+WITH_MEMORY: dict[str, tuple[Callable[..., MethodWithMemory], tuple[str, ...]]] = {
+    LinearMultistep.kind: (LinearMultistep, ("alpha", "beta", "rescaled")),
+    GeneralLinear.kind: (GeneralLinear, ("A", "U", "B", "V", "finishing")),
+    TwoStepRungeKutta.kind: (TwoStepRungeKutta, ("d", "theta", "A", "b", "Ahat", "bhat")),
+}
+"""The classes and keys of methods with memory, by the kind in files."""
 
 
 def load_method(
@@ -100,7 +111,9 @@ def save_method(method: Method, path: str | os.PathLike[str], format: str | None
 def dumps_method(method: Method, format: str) -> str:
     """A method as the text of a tableau file in JSON or TOML."""
     if not isinstance(method, Method):
-        raise IntegratorError(f"method must be a RungeKutta or PartitionedRungeKutta, but was {shown(method)}")
+        raise IntegratorError(
+            f"method must be a RungeKutta, a PartitionedRungeKutta or a method with memory, but was {shown(method)}"
+        )
     data = method.to_dict()
     if _checked_format(format) == "json":
         return text_files.json_text(data) + "\n"
@@ -121,6 +134,8 @@ def _checked_format(format: str) -> str:
 
 
 def _read_method(data: Any, digits: int | None) -> Method:
+    if _has_kind(data):
+        return _read_with_memory(data, digits)
     text_files.check_keys(data, KEYS, "content")
     if "partitions" not in data:
         return _read_tableau(data, (), digits)
@@ -134,6 +149,22 @@ def _read_method(data: Any, digits: int | None) -> Method:
         with text_files.errors_from(f"partition {shorten(name)}"):
             parts[name] = _read_tableau(part, parameters, digits)
     return PartitionedRungeKutta(parts, **{key: data.get(key) for key in LABELS}, warn=False)
+
+
+def _has_kind(data: object) -> bool:
+    return isinstance(data, dict) and "kind" in data
+
+
+def _read_with_memory(data: Any, digits: int | None) -> MethodWithMemory:
+    if not isinstance(data["kind"], str) or data["kind"] not in WITH_MEMORY:
+        raise IntegratorError(f"kind must be one of {', '.join(WITH_MEMORY)}, but was {shown(data['kind'])}")
+    make, keys = WITH_MEMORY[data["kind"]]
+    text_files.check_keys(data, (*LABELS, "schema", "kind", "parameters", *keys), "content")
+    _require_keys(data, [key for key in keys if key not in OPTIONAL], "content")
+    given = {key: data[key] for key in keys if key in data}
+    labels: dict[str, Any] = {key: data.get(key) for key in LABELS}
+    labels |= {"parameters": items(data.get("parameters", ()), "parameters"), "digits": digits}
+    return make(**given, **labels)
 
 
 def _read_tableau(data: Any, parameters: Iterable[str], digits: int | None) -> RungeKutta:

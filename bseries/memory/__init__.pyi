@@ -1,0 +1,16 @@
+from .methods import GeneralLinear as GeneralLinear
+from .methods import LinearMultistep as LinearMultistep
+from .methods import ParasiticMode as ParasiticMode
+from .methods import TwoStepRungeKutta as TwoStepRungeKutta
+from .methods import adams_bashforth as adams_bashforth
+from .methods import adams_moulton as adams_moulton
+from .methods import bdf as bdf
+from .methods import milne_simpson as milne_simpson
+from .methods import nystrom as nystrom
+from .methods import symmetric_multistep as symmetric_multistep
+from .stability import dahlquist_barrier as dahlquist_barrier
+from .stability import parasitic_modes as parasitic_modes
+from .stability import root_locus as root_locus
+from .starting import starting_values as starting_values
+from .underlying import starting_procedure as starting_procedure
+from .underlying import underlying_one_step as underlying_one_step
