@@ -106,6 +106,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Stepper": lambda: bs.stepper("rk4", "pendulum"),
     "ShadowFormula": lambda: bs.shadow.shadow_formula(4),
     "ShadowReport": lambda: bs.shadow_energy(run()),
+    "EnergyLog": lambda: bs.shadow.energy_log([f"{k % 7}" for k in range(600)]),
     "StabilityFunction": lambda: bs.stability_function("gauss3"),
     "MethodEntry": lambda: bs.catalogue()[0],
     "SceneEntry": lambda: bs.scene_catalogue()[0],

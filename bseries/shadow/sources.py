@@ -291,7 +291,7 @@ def _find_roles(
         found = dict(zip("pq", map(list, forces.names), strict=True))
         roles = [role for role in roles if role in ("t", "mass", "h")]
     else:
-        found = {role: _chosen(what, names, label) for role, what in chosen.items()}
+        found = {role: chosen_names(what, names, label) for role, what in chosen.items()}
     for role in roles:
         numbered = rf"{role}(_?\d+)?" if role in VECTORS else role
         own = [role] if role in names else [name for name in names if re.fullmatch(numbered, name)]
@@ -308,7 +308,7 @@ def _find_roles(
     return found
 
 
-def _chosen(what: object, names: list[str], label: str) -> list[str]:
+def chosen_names(what: object, names: list[str], label: str) -> list[str]:
     """The names that ``x*``, ``x,y``, a place such as 3 or places such as ``1:3`` stand for."""
     found: list[str] = []
     for piece in what.split(",") if isinstance(what, str) else what if isinstance(what, list | tuple) else [what]:

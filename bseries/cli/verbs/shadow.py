@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     "--tolerance", metavar="X", type=REAL,
     help="Allowed relative distance of states from steps of the method; by default 1e-9.",
 )  # fmt: skip
+@click.option(
+    "--energy", metavar="COLUMN",
+    help="Judge this column alone, an energy in a log of any program; total is the total energy by its usual names.",
+)  # fmt: skip
 @click.option("--bound", metavar="E", type=REAL, help="Also the largest step that keeps the energy within ±E.")
 @takes_plot
 @functools.partial(takes_output, formats=NO_LATEX)
@@ -51,6 +55,7 @@ def shadow(
     effects: object,
     columns: str | None,
     bound: float | None,
+    energy: str | None,
     plot: PlotFile,
     output: Output,
     **options: Any,
@@ -63,7 +68,8 @@ def shadow(
 
     FILE is a trajectory of `bseries simulate`; an NPZ file of any program with the arrays q, p or v, U, gradU or F, and
     perhaps t, h, mass; a text or NPY file with such columns (q1, q2, …), or - for text on standard input; --columns
-    assigns other names. It must contain every step. --scene supplies masses, potentials and forces; trajectories of
+    assigns other names. It must contain every step. With --energy FILE is a log of energies: of LAMMPS, GROMACS (XVG),
+    OpenMM or any other program. --scene supplies masses, potentials and forces; trajectories of
     `bseries simulate` contain their scene. Numbers with few digits need a larger --tolerance.
 
     \b
@@ -72,10 +78,13 @@ def shadow(
       bseries shadow run.npz
       bseries shadow run.npz --order 12 --bound 1e-4 --plot run.png
       bseries simulate toda --method stormer-verlet --step 0.1 --steps 999 --format csv | bseries shadow - --scene toda
+      bseries shadow log.lammps --energy total
       bseries shadow md.csv --mass 39.948 --step 0.002 --columns "q=x*,v=vx*,U=PotEng,F=fx*"
     """
     from bseries.shadow.trajectory_energies import shadow_energy
 
+    if energy is not None:
+        return _judged(file, energy, h=options["h"], plot=plot)
     if file is None:
         raise Refusal("FILE must be given: a trajectory, as NPZ or text, or - for text on standard input")
     chosen = None
@@ -88,3 +97,15 @@ def shadow(
     if plot.path is not None:
         report.save_plot(plot.path)
     return table
+
+
+def _judged(file: str | None, energy: str, *, h: float | None, plot: PlotFile) -> Table:
+    """The verdict on the energies of a log."""
+    from bseries.shadow.energy_log import energy_log
+
+    if file is None:
+        raise Refusal("FILE must be given: a log with a column of energies, or - for text on standard input")
+    if plot.path is not None:
+        raise Refusal("--plot must be left out with --energy")
+    source = standard_input() if file == "-" else file
+    return energy_log(source, None if energy == "total" else energy, h=h).to_table()

@@ -6,7 +6,8 @@ Both parts have the same nodes and weights. Entries are rational approximations,
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from functools import partial
 
 from integrators.methods.catalogue.registry import MethodEntry, lower_rows
 from integrators.methods.tableaux.partitioned import PartitionedRungeKutta
@@ -22,19 +23,21 @@ def _pair(
     embedded: str, description: str, reference: str, *, title: str,
 ) -> MethodEntry:  # fmt: skip
     """Entry of a pair given by the rows of its matrices from the second on, with entries separated by spaces."""
+    build = partial(_built, {"L": implicit, "N": explicit}, weights, embedded)
     stages = len(explicit) + 1
-
-    def build(**labels: Any) -> PartitionedRungeKutta:
-        parts = {
-            part: RungeKutta(
-                lower_rows(("", *rows), stages), weights.split(), embedded=[embedded.split()], digits=DIGITS,
-                name=f"{labels['name']}, {part}",
-            )
-            for part, rows in (("L", implicit), ("N", explicit))
-        }  # fmt: skip
-        return PartitionedRungeKutta(parts, **labels)
-
     return MethodEntry(name, "implicit-explicit", stages, order, description, reference, build, (alias,), title=title)
+
+
+def _built(
+    rows: Mapping[str, tuple[str, ...]], weights: str, embedded: str, *, name: str, reference: str
+) -> PartitionedRungeKutta:
+    """The pair of two matrices."""
+    b, other = weights.split(), [embedded.split()]
+    parts = {
+        part: RungeKutta(lower_rows(("", *A), len(b)), b, embedded=other, digits=DIGITS, name=f"{name}, {part}")
+        for part, A in rows.items()
+    }
+    return PartitionedRungeKutta(parts, name=name, reference=reference)
 
 
 METHODS = (

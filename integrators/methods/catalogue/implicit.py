@@ -230,7 +230,7 @@ METHODS = (
         lower_rows(WSO643, 6), WSO643[-1].split(),
         "stiffly accurate, with weak stage order 3: linear problems have order 4 however stiff they are",
         "D. I. Ketcheson, B. Seibold, D. Shirokoff, D. Zhou, arXiv:1811.01285 (2018)", digits=15,
-        title="WSO-DIRK (6,4,3)"),
+        title="weak stage order (6,4,3)"),
     MethodEntry("sdirk2", "diagonally implicit", 2, 2,
         "singly diagonally implicit with nodes gamma and 1 - gamma; order 3 for gamma = 1/2 ± sqrt(3)/6", NORSETT,
         _sdirk2, parameters=("gamma",), title="SDIRK2"),

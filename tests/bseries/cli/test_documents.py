@@ -98,6 +98,7 @@ OBJECTS = {
     "two-step-runge-kutta": lambda: bs.TwoStepRungeKutta([0], 0, [[0]], ["3/2"], [[0]], ["-1/2"]),
     "scene-file": lambda: bs.scene("outer-solar-system"),
     "shadow": lambda: bs.shadow_energy(trajectory(), order=4),
+    "energy-log": lambda: bs.shadow.energy_log([f"{k % 7}" for k in range(600)]),
     "tableau": lambda: bs.method("lobatto-iiia-iiib3"),
     "tableau-comparison": lambda: bs.auditing.compare({"a.py": "A = [[0]]\nb = [1]"}, {"a.py": "A = [[0]]\nb = [2]"}),
     "trajectory": trajectory,

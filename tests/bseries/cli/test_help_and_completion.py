@@ -54,7 +54,7 @@ def test_completion_scripts(answer, shell):
     ("words", "expected"),
     [
         ("bseries mod", {"modified", "modifying"}),
-        ("bseries modified dormand", {"dormand-prince54", "dormand-prince853", "dormand-prince"}),
+        ("bseries modified dormand", {"dormand-prince54", "dormand-prince87", "dormand-prince853", "dormand-prince"}),
         ("bseries check radau-iia", {f"radau-iia{s}" for s in range(1, 7)}),
         ("bseries series leap", {"leapfrog"}),
         ("bseries modified rk4 --max", {"--max-children"}),

@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import bseries as bs
@@ -125,3 +126,16 @@ def test_own_thinned_runs_are_refused(run, stored):
     assert result.stderr == (
         "bseries: error: thin.npz must contain every step, but its states are every 10th of a run\n"
     )
+
+
+def test_a_log_of_energies_is_judged(run, tmp_path):
+    energies = -4.5 + 1e-3 * np.cos(0.7 * np.arange(4000)) + 2e-6 * np.arange(4000)
+    lines = ["Step Temp TotEng", *(f"{10 * k} 1.44 {x:.12f}" for k, x in enumerate(energies)), "Loop time of 12.3"]
+    path = tmp_path / "log.lammps"
+    path.write_text("\n".join(lines))
+    shown = run("shadow", str(path), "--energy", "total")
+    assert shown.exit_code == 0
+    assert "TotEng: linear drift" in shown.stdout
+    found = json.loads(run("shadow", str(path), "--energy", "TotEng", "--format", "json").stdout)
+    assert (found["kind"], found["verdict"], found["values"]) == ("energy-log", "linear drift", 4000)
+    assert run("shadow", str(path), "--energy", "Enthalpy").exit_code == 2

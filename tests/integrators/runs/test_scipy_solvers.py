@@ -17,7 +17,7 @@ integrate = pytest.importorskip("scipy.integrate")
 solve_ivp = integrate.solve_ivp
 
 PAIRS = {"merson4": 3, "bogacki-shampine32": 2, "fehlberg45": 4, "cash-karp45": 4, "dormand-prince54": 4}
-PAIRS |= {"verner65": 5, "tsit5": 4, "dop853": 7}
+PAIRS |= {"verner65": 5, "tsit5": 4, "dormand-prince87": 7, "dop853": 7}
 HEUN = [[0, 0], [1, 0]]
 OWN = {"bogacki-shampine32": "RK23", "dormand-prince54": "RK45", "dop853": "DOP853"}
 
