@@ -1,0 +1,124 @@
+"""Optimisers as methods: momentum and Nesterov's method against iterated power series, and gradients again."""
+
+from fractions import Fraction
+
+import power_series_oracle as oracle
+import pytest
+import sympy
+from test_underlying_methods import general_residual, is_zero, multistep_residual, random_field
+
+import bseries as bs
+
+BETA = sympy.Symbol("beta")
+START = list(map(oracle.number, (1, Fraction(-1, 2))))
+
+
+def changed(phi, at):
+    return bs.BSeries.from_rule(lambda tree: phi[tree] + Fraction(str(tree) == at, 7), oracle.ORDER)
+
+
+@pytest.mark.parametrize("beta", ["9/10", "-1/3"])
+def test_momentum_iterated_as_a_power_series_solves_its_recursion(beta):
+    method, field = bs.memory.momentum(beta), random_field(beta)
+    phi = bs.series(method, oracle.ORDER)
+    assert is_zero(multistep_residual(method, phi, field, START))
+    for tree in ("[τ]", "[τ,τ]"):
+        assert not is_zero(multistep_residual(method, changed(phi, tree), field, START))
+
+
+@pytest.mark.parametrize("lookahead", [False, True])
+def test_nesterovs_method_iterated_as_a_power_series_commutes_with_its_start(lookahead):
+    method, field = bs.memory.nesterov("1/2", lookahead=lookahead), random_field("nesterov")
+    phi, starting = bs.series(method, oracle.ORDER), bs.memory.starting_procedure(method, oracle.ORDER)
+    assert is_zero(general_residual(method, phi, starting, field, START))
+    assert not is_zero(general_residual(method, changed(phi, "[[τ]]"), starting, field, START))
+
+
+def test_the_points_of_nesterovs_method_obey_a_two_step_method():
+    points = bs.LinearMultistep(["beta", "-1-beta", 1], ["-beta", "1+beta", 0], rescaled=True, parameters=["beta"])
+    method = bs.memory.nesterov(lookahead=True)
+    assert bs.modified_equation(points, 5) == bs.modified_equation(method, 5)
+    assert bs.modified_equation(points, 2) != bs.modified_equation(bs.memory.nesterov(), 2)
+
+
+def test_on_a_linear_field_the_modified_rate_is_the_logarithm_of_the_root():
+    """y' = −y: the root ζ near 1 of ζ² − (1 + β − h) ζ + β is exp Σ (−h)^n b(tall tree with n nodes)."""
+    order, h = 6, sympy.Symbol("h")
+    rate, tree = 0, bs.Tree("τ")
+    b = bs.modified_equation(bs.memory.momentum(), order)
+    for n in range(1, order + 1):
+        rate, tree = rate + b[tree] * (-h) ** n, bs.Tree(f"[{tree}]")
+    zeta = sum(rate**k / sympy.factorial(k) for k in range(order + 1))
+    residual = sympy.expand(zeta**2 - (1 + BETA - h) * zeta + BETA)
+    assert all(sympy.cancel(residual.coeff(h, n)) == 0 for n in range(order + 1))
+    assert sympy.cancel(residual.coeff(h, order + 1)) != 0
+
+
+def test_symbols_agree_with_numbers_at_order_8():
+    symbolic, b = bs.modified_equation(bs.memory.momentum(), 8), bs.modified_equation(bs.memory.momentum("2/3"), 8)
+    for tree in list(b)[::9]:
+        assert symbolic[tree].subs(BETA, sympy.Rational(2, 3)) == b[tree]
+
+
+def test_the_modified_loss_and_how_far_it_goes():
+    loss = bs.memory.modified_loss(bs.memory.momentum())
+    assert [str(tree) for tree in loss] == ["τ", "[τ]"]
+    for c, expected in zip(loss.values(), (1 / (1 - BETA), (1 + BETA) / (4 * (1 - BETA) ** 3)), strict=True):
+        assert sympy.cancel(c - expected) == 0
+    assert list(bs.memory.modified_loss("explicit-euler").values()) == [1, Fraction(1, 4)]
+    for method in (bs.memory.momentum(), bs.memory.nesterov(), "explicit-euler"):
+        assert bs.memory.gradient_order(method, 4) == 2
+        with pytest.raises(bs.SeriesError, match="order must be at most 2, where the modified field is a gradient"):
+            bs.memory.modified_loss(method, 3)
+
+
+def test_equal_coefficients_of_all_rootings_give_gradients_and_others_do_not():
+    """∂_j of the modified field of L is symmetric, with L made of polynomials and elementary differentials by hand."""
+    x = sympy.symbols("x y z")
+    loss = x[0] ** 3 + x[0] * x[1] ** 2 * x[2] - 2 * x[1] ** 3 + x[2] ** 2 * x[0] + x[1] * x[2]
+    field = sympy.Matrix([-sympy.diff(loss, v) for v in x])
+
+    def differential(tree):
+        total = field
+        for child in map(differential, tree.children):  # derivatives of the field only: directions are constant
+            dummies = sympy.symbols("a:3")
+            step = total.jacobian(x) * sympy.Matrix(dummies)
+            kept.append(dict(zip(dummies, child, strict=True)))
+            total = step.subs(dict(zip(dummies, (names := sympy.symbols(f"c{len(kept)}_:3")), strict=True)))
+            kept[-1] = dict(zip(names, child, strict=True))
+        return total
+
+    def evaluated(tree):
+        total = differential(tree)
+        for values in reversed(kept):
+            total = total.subs(values)
+        return total.expand()
+
+    def is_gradient(vector):
+        jacobian = vector.jacobian(x)
+        return (jacobian - jacobian.T).expand().is_zero_matrix
+
+    for free in bs.trees.free_tree_classes(4):
+        total = sympy.zeros(3, 1)
+        for tree, _, _ in free.rootings:
+            kept = []
+            total += evaluated(tree) / tree.symmetry
+        assert is_gradient(total)
+        if len(free.rootings) > 1:
+            kept = []
+            assert not is_gradient(evaluated(free.rootings[0].tree))
+
+
+@pytest.mark.parametrize("make", [bs.memory.momentum, bs.memory.nesterov])
+@pytest.mark.parametrize("beta", [1, "1", 0.9])
+def test_a_beta_of_one_and_floats_are_refused(make, beta):
+    with pytest.raises(bs.IntegratorError, match="^beta must be an exact number or formula other than 1, but was "):
+        make(beta)
+
+
+def test_a_scaled_step_of_symbols_is_the_same_tree_by_tree():
+    s, factor = bs.series(bs.memory.momentum(), 4), 1 / (1 + BETA)
+    for tree, x in s.scale_step(factor).items():
+        assert sympy.cancel(x - s[tree] * factor**tree.order) == 0
+    root = bs.modified_equation("gauss2", 4)
+    assert root.scale_step(sympy.sqrt(2)).scale_step(sympy.sqrt(2)) == root.scale_step(2)
