@@ -22,15 +22,26 @@ def test_the_points_of_nesterovs_method_obey_a_two_step_method():
 
 def test_on_a_linear_field_the_modified_rate_is_the_logarithm_of_the_root():
     """y' = −y: the root ζ near 1 of ζ² − (1 + β − h) ζ + β is exp Σ (−h)^n b(tall tree with n nodes)."""
-    order, h = 6, sympy.Symbol("h")
-    rate, tree = 0, bs.Tree("τ")
-    b = bs.modified_equation(bs.memory.momentum(), order)
+    order, beta = 6, Fraction(9, 10)
+
+    def times(p, q):
+        return [sum(p[i] * q[n - i] for i in range(n + 1)) for n in range(order + 1)]
+
+    rate, tree, b = [Fraction(0)], bs.Tree("τ"), bs.modified_equation(bs.memory.momentum(beta), order)
     for n in range(1, order + 1):
-        rate, tree = rate + b[tree] * (-h) ** n, bs.Tree(f"[{tree}]")
-    zeta = sum(rate**k / sympy.factorial(k) for k in range(order + 1))
-    residual = sympy.expand(zeta**2 - (1 + BETA - h) * zeta + BETA)
-    assert all(sympy.cancel(residual.coeff(h, n)) == 0 for n in range(order + 1))
-    assert sympy.cancel(residual.coeff(h, order + 1)) != 0
+        rate.append(b[tree] * (-1) ** n)
+        tree = bs.Tree(f"[{tree}]")
+
+    def residual(rate):
+        zeta = power = [Fraction(n == 0) for n in range(order + 1)]
+        for k in range(1, order + 1):
+            power = [x / k for x in times(power, rate)]
+            zeta = [x + y for x, y in zip(zeta, power, strict=True)]
+        middle = times(zeta, [-1 - beta, Fraction(1), *[Fraction(0)] * (order - 1)])
+        return [x + y + beta * (n == 0) for n, (x, y) in enumerate(zip(times(zeta, zeta), middle, strict=True))]
+
+    assert not any(residual(rate))
+    assert any(residual([*rate[:2], -rate[2], *rate[3:]]))  # the other sign of [τ]
 
 
 def test_symbols_agree_with_numbers_at_order_8():
