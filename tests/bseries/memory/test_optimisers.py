@@ -62,6 +62,7 @@ def test_the_modified_loss_and_how_far_it_goes():
             bs.memory.modified_loss(method, 3)
 
 
+@pytest.mark.slow
 def test_equal_coefficients_of_all_rootings_give_gradients_and_others_do_not():
     """∂_j of the modified field of L is symmetric, with L made of polynomials and elementary differentials by hand."""
     x = sympy.symbols("x y z")
