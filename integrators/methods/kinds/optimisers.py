@@ -65,7 +65,7 @@ def nesterov(
         >>> import bseries as bs
         >>> b = bs.modified_equation(bs.memory.nesterov("1/2"), 2)
         >>> [str(b[tree]) for tree in ("τ", "[τ]")]
-        ['2', '-2']
+        ['2', '-4']
     """
     value = _read_beta(beta, parameters)
     row = [sum_entries([ONE, value]), multiply_entries(-ONE, value)]
