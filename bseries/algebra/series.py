@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from bseries.algebra import presentation
 from bseries.algebra.presentation import SeriesTerm
 from bseries.exact import lie
-from bseries.exact.domains import Values, alike, as_floats, exact_number, make_values
+from bseries.exact.domains import RingValues, Values, alike, as_floats, exact_number, make_values
 from bseries.exceptions import SeriesError
 from bseries_base.table import MOST_ROWS, Column, LazyRows, Table, Tabular, listed, short_latex
 from integrators.core.immutable import ImmutableValue
@@ -306,6 +306,10 @@ class Series(ImmutableValue, Tabular, Mapping[Any, Any]):
             True
         """
         number: Any = exact_number(factor, "factor")
+        if isinstance(self.stored, RingValues) and not isinstance(number, float):
+            return type(self)(
+                self.basis, self.stored.scaled_step(number), self.empty, names=self.names, digits=self.digits
+            )
         power = cache(lambda n: number**n)
         pairs = zip(self.coefficients(), self.basis.orders, strict=True)
         return self._with_numbers(chain([self.empty], (x * power(n) for x, n in pairs)), self.digits)

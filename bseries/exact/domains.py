@@ -166,6 +166,14 @@ class RingValues(Values):
         ]
         return RingValues(self.basis, ring, elements, step)
 
+    def scaled_step(self, factor: Any) -> RingValues:
+        """The values a(τ) factor^|τ|, for an exact factor; products stay in the ring, without common denominators."""
+        ring, (numerator,), step = ring_and_elements([factor])
+        orders = list(map(int, self.basis.orders))
+        mine, powers = alike([self, RingValues(self.basis, ring, [numerator**n for n in orders], step)])
+        elements = [x * y for x, y in zip(mine.raw, powers.raw, strict=True)]
+        return RingValues(self.basis, mine.ring, elements, mine.step * powers.step)
+
 
 def ring_and_elements(entries: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     """The smallest SymPy ring for these exact entries: (ring, numerators, common denominator)."""

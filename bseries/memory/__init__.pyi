@@ -1,3 +1,5 @@
+from .losses import gradient_order as gradient_order
+from .losses import modified_loss as modified_loss
 from .methods import GeneralLinear as GeneralLinear
 from .methods import LinearMultistep as LinearMultistep
 from .methods import ParasiticMode as ParasiticMode
@@ -6,6 +8,8 @@ from .methods import adams_bashforth as adams_bashforth
 from .methods import adams_moulton as adams_moulton
 from .methods import bdf as bdf
 from .methods import milne_simpson as milne_simpson
+from .methods import momentum as momentum
+from .methods import nesterov as nesterov
 from .methods import nystrom as nystrom
 from .methods import symmetric_multistep as symmetric_multistep
 from .stability import dahlquist_barrier as dahlquist_barrier

@@ -9,4 +9,6 @@ from integrators.methods.kinds.multistep_families import bdf as bdf
 from integrators.methods.kinds.multistep_families import milne_simpson as milne_simpson
 from integrators.methods.kinds.multistep_families import nystrom as nystrom
 from integrators.methods.kinds.multistep_families import symmetric_multistep as symmetric_multistep
+from integrators.methods.kinds.optimisers import momentum as momentum
+from integrators.methods.kinds.optimisers import nesterov as nesterov
 from integrators.methods.kinds.root_conditions import ParasiticMode as ParasiticMode

@@ -122,7 +122,10 @@ def test_general_linear_series_are_those_computed_from_the_definition():
     assert bs.order_of(method) == data["order_of_underlying"]
 
 
-@pytest.mark.parametrize("method", [*LMM.values(), bs.memory.bdf(3), bs.memory.adams_moulton(2)], ids=name_of)
+OTHERS = bs.memory.bdf(3), bs.memory.adams_moulton(2), bs.memory.momentum("9/10")
+
+
+@pytest.mark.parametrize("method", [*LMM.values(), *OTHERS], ids=name_of)
 def test_iterated_as_a_power_series_the_underlying_method_solves_the_recursion(method):
     field, y = random_field(method.name), list(map(oracle.number, (1, Fraction(-1, 2))))
     phi = bs.series(method, ORDER)
@@ -140,6 +143,8 @@ GENERAL = {
     "two-step": bs.TwoStepRungeKutta(
         [0, "1/3"], "1/5", [[0, 0], ["2/3", 0]], ["1/2", "1/3"], [[0, 0], ["1/6", "1/4"]], ["1/6", "1/5"]
     ),
+    "nesterov": bs.memory.nesterov("1/2"),
+    "nesterov-points": bs.memory.nesterov("1/2", lookahead=True),
 }
 
 
