@@ -578,10 +578,9 @@ class Reader:
             if not isinstance(value, Fraction) or value.denominator > 1 or not 0 <= value <= MOST_ENTRIES:
                 self._refuse(at=at)
             shape.append(int(value))
-        total = 1
-        for size in shape:
-            total *= size
-        if not shape or total > MOST_ENTRIES:
+        if len(shape) == 1 and self.language is LANGUAGES["matlab"]:
+            shape *= 2
+        if not shape or math.prod(shape) > MOST_ENTRIES:
             self._refuse(at=at)
         line = self.source.line(self.tokens[at].start)
         return constant(shape, number._replace(text=self.tokens[at].text, line=line))

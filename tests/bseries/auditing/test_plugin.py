@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -15,7 +16,8 @@ def audited(folder, *paths):
     """The exit code and output of pytest in a folder without tests."""
     options = [argument for path in paths for argument in ("--audit-tableaus", str(path))]
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "bseries.auditing.plugin", *options]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # installed, it is loaded already
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
