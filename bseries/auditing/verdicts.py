@@ -213,7 +213,7 @@ def _findings(
     """The claims that do not hold."""
     others = () if said.embedded is None else (said.embedded,)
     if said.order is not None and order < min(said.order, MOST):
-        yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, said.order, others))
+        yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, min(said.order, MOST), others))
     if said.embedded is not None and orders and max(orders) < min(said.embedded, MOST) and order >= (said.order or 0):
         at = orders.index(max(orders))
         own = _mended(rows[at], record, said.embedded, (), weights="embedded", row=at)

@@ -76,6 +76,11 @@ def test_what_the_next_function_makes_is_no_claim_of_this_one():
     assert kutta.claims == {"order": 3}
 
 
+def test_huge_claims_fail_at_once():
+    found = bs.audit({"a.py": KUTTA}, order=10**10)
+    assert [str(x) for x in found.methods[0].findings] == ["order 10000000000, but order 3"]
+
+
 def test_sizes_that_disagree_are_said_and_the_rest_is_audited():
     text = "double A[3][3] = {{0, 0}, {1, 0}};\ndouble b[2] = {0.5, 0.5};\n"
     found = bs.audit({"a.c": text, "b.py": "# order 3\n" + KUTTA})
