@@ -501,7 +501,9 @@ class Reader:
             return self._apply(name, values, at)
         if len(values) == 1 and len(arguments) <= 2:
             return values[0]
-        if "Vector" in name or "Matrix" in name:
+        if "Matrix" in name and math.isqrt(len(values)) ** 2 == len(values):  # by columns
+            return [values[i :: math.isqrt(len(values))] for i in range(math.isqrt(len(values)))]
+        if "Vector" in name:
             return values
         return self._refuse(at=at)
 

@@ -81,6 +81,11 @@ def test_huge_claims_fail_at_once():
     assert [str(x) for x in found.methods[0].findings] == ["order 10000000000, but order 3"]
 
 
+def test_static_matrices_of_julia_are_by_columns():
+    text = "A = SMatrix{3,3}(0, 1//2, -1, 0, 0, 2, 0, 0, 0)\nb = SVector(1//6, 2//3, 1//6)\n"
+    assert bs.audit({"a.jl": "# order 3\n" + text}).holds
+
+
 def test_sizes_that_disagree_are_said_and_the_rest_is_audited():
     text = "double A[3][3] = {{0, 0}, {1, 0}};\ndouble b[2] = {0.5, 0.5};\n"
     found = bs.audit({"a.c": text, "b.py": "# order 3\n" + KUTTA})
