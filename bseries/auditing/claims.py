@@ -13,6 +13,8 @@ WORDS = (
 ORDINALS = {word: k for k, word in enumerate(WORDS, 1)}
 MOST = 20
 """Larger numbers are no orders."""
+MOST_BEFORE = 60
+"""Characters before an order that may put it in doubt."""
 
 ORDER_FIELDS = ("order", "q", "o")
 EMBEDDED_FIELDS = ("embedded_order", "adaptiveorder", "p")
@@ -44,6 +46,11 @@ STRUCTURES = {
     "FSAL": re.compile(r"\bFSAL\b"),
 }
 NEGATED = re.compile(r"\b(?:not|non|no|nor|neither|without|pseudo|conjugate|nearly|almost)(?: an?)?[ -]$", re.I)
+
+DOUBT = r"not?|nor|neither|never|without|at most|below|than|predictor|linear (?:problem|system)s?|start\w*(?: \w+)?"
+DOUBTED = re.compile(rf"\b(?:{DOUBT})\b[^.;,\n]{{0,20}}$", re.I)
+LOST = re.compile(r" ?(?:is|are|gets) (?:lost|reduced)| only (?:if|for)", re.I)
+"""Behind an order, and before it, what says that the method has it in some cases, or not."""
 
 
 class Claims(NamedTuple):
@@ -165,6 +172,8 @@ def _in_text(text: str) -> Claims:
     found: dict[bool, set[int]] = {False: set(), True: set()}
     behind = EMBEDDED.search(text)
     for match in [*ORDINAL.finditer(text), *ORDER_OF.finditer(text)]:
+        if DOUBTED.search(text[max(0, match.start() - MOST_BEFORE) : match.start()]) or LOST.match(text, match.end()):
+            continue
         number = match[1] if match.re is ORDER_OF else match["number"]
         order = int(number) if number else ORDINALS[match["word"].lower()]
         found[behind is not None and match.start() > behind.start()].add(order)

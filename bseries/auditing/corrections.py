@@ -42,7 +42,8 @@ class Correction(NamedTuple):
     """A change of a tableau that restores the orders it claims.
 
     Attributes:
-        kind: ``entry``, ``sign``, ``exchanged`` (two entries), or ``shifted`` (a row by one place).
+        kind: ``entry`` or ``sign`` (of one entry, or of one of the last row that is a weight, too), ``exchanged`` (two
+            entries), or ``shifted`` (a row by one place).
         entries: The entries that change, such as ``a[4,3]``, ``b[2]`` and ``c[2]``, counted from 1.
         was: Their values.
         should_be: The values that restore the orders.
@@ -128,6 +129,10 @@ class _Search:
         self.places: list[Place] = [(self.size, j) for j in range(self.size)]
         if not weights:
             self.places += [(i, j) for i in range(self.size) for j in range(i if method.is_explicit else self.size)]
+        self.shared: list[tuple[Place, ...]] = []
+        """Entries of the last stage that are the weights, too."""
+        if not weights and self.rows[self.size - 1] == self.rows[self.size]:
+            self.shared = [((self.size - 1, j), (self.size, j)) for j in range(self.size)]
 
     def restores(self, rows: Rows) -> bool:
         """Whether a tableau has the orders that are claimed, exactly or as rounded numbers."""
@@ -149,32 +154,35 @@ class _Search:
             yield rows, Correction(kind, entries, was, tuple(values.values()))
 
     def single_entries(self) -> Iterator[tuple[Rows, Correction]]:
-        """The entries for which another value restores the orders, or the sum of a row."""
+        """The entries for which another value restores the orders, or the sum of a row; shared ones change together."""
         missing = {i: self.rows[-1][i] - sum(self.rows[i]) for i in wrong_sums(self.rows)}
-        for i, j in [*self.places, *((self.size + 1, i) for i in missing)]:
+        single = [*self.places, *((self.size + 1, i) for i in missing)]
+        groups: list[tuple[Place, ...]] = [*((place,) for place in single), *self.shared]
+        for places in groups:
+            i, j = places[0]
             was = self.rows[i][j]
             if i > self.size:
                 values = [was - missing[j]]
             else:  # a sign and the sum of a row are not less exact than the numbers of the source, as roots are
-                values = [-was, *([was + missing[i]] if i in missing else []), *common_roots(self.conditions(i, j))]
+                values = [-was, *([was + missing[i]] if i in missing else []), *common_roots(self.conditions(places))]
             found: list[Fraction] = []
             for x in values:
                 if x != was and all(abs(x - y) > self.near for y in found):
-                    for rows, correction in self.tested("sign" if x == -was else "entry", {(i, j): x}):
+                    for rows, correction in self.tested("sign" if x == -was else "entry", dict.fromkeys(places, x)):
                         found.append(x)
                         yield rows, correction
 
-    def conditions(self, i: int, j: int) -> Iterator[fmpq_poly]:
+    def conditions(self, places: tuple[Place, ...]) -> Iterator[fmpq_poly]:
         """The conditions of tall trees, of all weights on which an entry has influence."""
         *A, own, _ = self.rows
         for b, order in self.claims:
-            if b is None or i < self.size:
-                yield from tall_conditions((*A, own if b is None else tuple(map(Fraction, b))), i, j, order)
+            if changed := [place for place in places if b is None or place[0] < self.size]:
+                yield from tall_conditions((*A, own if b is None else tuple(map(Fraction, b))), changed, order)
 
     def entries_above(self) -> Iterator[tuple[Rows, Correction]]:
         """The entries that an explicit tableau does not have: one may have been lost."""
         if self.method.is_explicit and not self.only_weights:
-            self.places = [(i, j) for i in range(self.size) for j in range(i, self.size)]
+            self.places, self.shared = [(i, j) for i in range(self.size) for j in range(i, self.size)], []
             yield from self.single_entries()
 
     def several_entries(self) -> Iterator[tuple[Rows, Correction]]:
@@ -216,9 +224,9 @@ def digits_wanted(method: Method) -> int:
 
 def _unlike_a_slip(correction: Correction) -> bool:
     """Whether a change is no sign, single digit, dropped entry, exchange or shift."""
-    if len(correction.entries) > 1 or correction.kind == "sign":
+    if correction.kind != "entry":
         return False
-    (was,), (value,) = correction.was, correction.should_be
+    was, value = correction.was[0], correction.should_be[0]
     if not was:
         return False
     for common in (was.denominator, value.denominator):
@@ -260,12 +268,13 @@ def common_roots(all_conditions: Iterable[fmpq_poly]) -> list[Fraction]:
     return real_roots(max(linear, key=lambda x: abs(x[1])) if linear else conditions[0])
 
 
-def tall_conditions(rows: Rows, i: int, j: int, order: int) -> Iterator[fmpq_poly]:
-    """b A^(k−1) 1 − 1/k! for k = 1 … order as polynomials in one entry."""
+def tall_conditions(rows: Rows, places: Sequence[Place], order: int) -> Iterator[fmpq_poly]:
+    """b A^(k−1) 1 − 1/k! for k = 1 … order as polynomials in an entry at some places."""
     from flint import fmpq_poly
 
     entries = [[fmpq_poly([to_flint(x)]) for x in row] for row in rows]
-    entries[i][j] = fmpq_poly([0, 1])
+    for i, j in places:
+        entries[i][j] = fmpq_poly([0, 1])
     *A, b = entries
     stages = [fmpq_poly([1])] * len(b)
     for k in range(1, order + 1):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from bseries.exceptions import SeriesError
-from bseries_base.errors import BSeriesError, shown
+from bseries_base.errors import BSeriesError, plain, shown
 from integrators.methods.exchange.reading import read_tableaus
 from integrators.methods.exchange.records import Record
 
@@ -29,9 +29,9 @@ def read_sources(sources: Sources) -> tuple[list[Record], list[str]]:
     unread: list[str] = []
     for source, name in _texts_and_paths(sources):
         try:
-            reading = read_tableaus(source, name=name)
+            reading = read_tableaus(source, name=plain(name))
         except BSeriesError as error:
-            unread.append(f"{name or source}: {error}")
+            unread.append(str(error))
             continue
         unread += reading.unread
         records += map(_named, reading.records)
@@ -39,11 +39,11 @@ def read_sources(sources: Sources) -> tuple[list[Record], list[str]]:
 
 
 def _named(record: Record) -> Record:
-    """A record with the name of its file in place of a variable such as A."""
-    return replace(record, name=Path(record.source).stem) if len(record.name) == 1 else record
+    """A record with a name that terminals can show, that of its file in place of a variable such as A."""
+    return replace(record, name=plain(Path(record.source).stem if len(record.name) == 1 else record.name))
 
 
-def _texts_and_paths(sources: Any) -> Iterator[tuple[Any, str | None]]:
+def _texts_and_paths(sources: Any) -> Iterator[tuple[Any, str]]:
     """Texts or paths, with their names."""
     if isinstance(sources, Mapping):
         yield from ((text, name) for name, text in sources.items())

@@ -213,7 +213,7 @@ def _findings(
     """The claims that do not hold."""
     others = () if said.embedded is None else (said.embedded,)
     if said.order is not None and order < min(said.order, MOST):
-        yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, said.order, others))
+        yield Finding(f"order {said.order}", f"order {order}", _mended(method, record, min(said.order, MOST), others))
     if said.embedded is not None and orders and max(orders) < min(said.embedded, MOST) and order >= (said.order or 0):
         at = orders.index(max(orders))
         own = _mended(rows[at], record, said.embedded, (), weights="embedded", row=at)
@@ -259,6 +259,8 @@ def _mended(
     """The corrections of a tableau, in the words of the source."""
     try:
         found = corrections(method, order, embedded, weights=weights, other=other)
+        if not found and "error" in record.tables:  # other weights that are given as differences change with b
+            found = corrections(method, order, weights=weights, other=other)
     except SeriesError:  # roots, or very many stages
         return ()
     return tuple(tuple(_changes(correction, record, row)) for correction in found)
@@ -269,6 +271,7 @@ def _changes(correction: Correction, record: Record, row: int) -> Iterator[Chang
     if not correction.was:
         for name, other in zip(correction.entries, reversed(correction.entries), strict=True):
             yield {"entry": name, "was": name, "should_be": other, "line": record.line}
+    named: list[Any] = []
     for entry, was, value in zip(correction.entries, correction.was, correction.should_be, strict=False):
         name, _, inside = entry.rstrip("]").partition("[")
         places = [int(k) - 1 for k in inside.split(",")]
@@ -276,6 +279,9 @@ def _changes(correction: Correction, record: Record, row: int) -> Iterator[Chang
         number = record.tables.get(table)
         for k in [row, *places] if table == "embedded" else places:
             number = number[k] if number is not None and k < len(number) else None
+        if number is not None and any(number is x for x in named):
+            continue  # the weights are the last row
+        named.append(number)
         text, line = (number.text, number.line) if number is not None and number.text else (str(was), record.line)
         text = text if was else "0"  # also where zeros fill an array
         digits = max((x.digits for x in record.tables.get("b", ())), default=0)

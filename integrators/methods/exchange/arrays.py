@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from integrators.methods.exchange.numbers import Number
+from integrators.methods.exchange.shapes import flattened
 
 
 class Display(list[Any]):
@@ -36,3 +37,44 @@ def assembled(rows: list[list[Any]]) -> list[Any]:
     if all(len(row) == 1 for row in rows):
         return [row[0] for row in rows]
     return rows
+
+
+def is_constant(value: Any) -> bool:
+    """Whether all entries of an array are one number."""
+    flat = list(flattened(value)) if isinstance(value, list) else []
+    return (
+        bool(flat)
+        and all(x is flat[0] or x == flat[0] for x in flat)
+        and getattr(flat[0], "text", "") in ("zeros", "ones", "Matrix", "Vector", "Array")
+    )
+
+
+def copied(value: Any) -> Any:
+    """A copy of nested lists."""
+    return type(value)(copied(entry) for entry in value) if isinstance(value, list) else value
+
+
+def put(array: list[Any], indices: list[Any], value: Any, first: int) -> bool:
+    """Put a value at indices of an array; whether there is such a place."""
+    index, *rest = indices
+    if isinstance(index, tuple):
+        start, stop = index
+        places = range(*slice(None if start is None else start - first, stop).indices(len(array)))
+        values = value if isinstance(value, list) else [value] * len(places)
+        if len(values) != len(places) or rest:
+            return False
+        for place, x in zip(places, values, strict=True):
+            array[place] = x
+        return True
+    place = index - first if index >= 0 else index + len(array)
+    if len(array) == 1 and not rest and isinstance(array[0], list) and place == 0 and isinstance(value, Number):
+        array[0][0] = value  # a matrix of one entry
+        return True
+    if not 0 <= place < len(array):
+        return False
+    if rest:
+        return isinstance(array[place], list) and put(array[place], rest, value, first)
+    if isinstance(array[place], list) != isinstance(value, list):
+        return False
+    array[place] = value
+    return True

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
+from integrators.methods.exchange.arrays import copied, is_constant, put
 from integrators.methods.exchange.numbers import ONE, ZERO, Number
 from integrators.methods.exchange.tokens import LANGUAGES, MOST_UNCLOSED, OPENING, Source, Token
 from integrators.methods.exchange.values import MOST_ENTRIES, Reader, Unread
@@ -140,7 +141,7 @@ class Assignments:
         while i < last:
             kind, text, _ = tokens[i]
             while self.block.end is not None and i >= self.block.end and self.block.parent is not None:
-                self._close()
+                self._close(i)
             if kind == "line":
                 is_new_line = True
                 i += 1
@@ -148,8 +149,13 @@ class Assignments:
             if is_new_line:
                 self._indented(i)
                 is_new_line = False
+                if self._begins_section(i):
+                    self._open_section(i)
             if kind == "sign":
                 if text in OPENING:
+                    if text == "{" and (end := self._initialised(i)) is not None:
+                        i = end
+                        continue
                     self._open(i)
                 elif text == "#" and tokens[i + 1].text == "define" and tokens[i + 2].kind == "name":
                     self._read(tokens[i + 2].text, [], i + 2, is_line=True)
@@ -168,10 +174,12 @@ class Assignments:
                     continue
             i += 1
         while self.block.parent is not None:
-            self._close()
-        self._close()
+            self._close(last)
+        self._close(last)
 
-    def _close(self) -> None:
+    def _close(self, i: int) -> None:
+        """Leave a block, which ends at a token unless it has an end."""
+        self.block.end = self.block.end or i
         if any(self.block.tables):
             self.blocks.append(self.block)
         if self.block.parent is not None:
@@ -180,11 +188,30 @@ class Assignments:
     def _open(self, i: int) -> None:
         """A bracket that is not an index becomes a block, which lasts to its partner."""
         end = self.source.partner.get(i)
-        if self.tokens[i - 1].text.lower() == "associate" and i:
+        if self.tokens[i - 1].text.lower() in ("associate", "parameter") and i:
             return  # its names are those of the subroutine
         if end is None or self.block.depth >= MOST_BLOCKS or self.tokens[i].text == "[" or end == i + 1:
             return
         self.block = Block(self._title(i), i, self.block, end=end, indent=self.block.indent)
+
+    def _begins_section(self, i: int) -> bool:
+        """Whether a line is a header of TOML, with an assignment in the next line."""
+        end = self.source.partner.get(i, i)
+        behind = self.tokens[end + 1 : end + 4]
+        return (
+            self.tokens[i].text == "["
+            and self.language is LANGUAGES["python"]
+            and self.source.column(self.tokens[i].start) == 0
+            and [token.kind for token in behind[:2]] in (["line", "name"], ["line", "text"])
+            and behind[2].text in ("=", ".")
+        )
+
+    def _open_section(self, i: int) -> None:
+        """A block from a header of TOML to the next one; its name is the last part of the header."""
+        if self.block.parent is not None:
+            self._close(i)
+        names = [token.text for token in self.tokens[i : self.source.partner[i]] if token.kind in ("name", "text")]
+        self.block = Block(names[-1].strip("\"'") if names else "", i, self.block, end=len(self.tokens))
 
     def _title(self, i: int) -> str:
         """The name of the block that a bracket opens: of a function, a macro, or what it is assigned to."""
@@ -218,12 +245,15 @@ class Assignments:
         while self.block.end is None and column <= self.block.indent:
             if not (opener is not None or ends or self.language.first == 0):
                 break
-            self._close()
+            self._close(i)
             if ends:
                 break
         if opener is None or ends or self.block.end not in (None, len(self.tokens)):
             return
-        name = next((t.text for t in self.tokens[i + opener + 1 : i + opener + 8] if t.kind == "name"), "")
+        start = i + opener + 1
+        if self.language is LANGUAGES["matlab"] and self.tokens[start].text == "[" and start in self.source.partner:
+            start = self.source.partner[start] + 2  # function [A, b] = name
+        name = next((t.text for t in self.tokens[start : start + 7] if t.kind == "name"), "")
         if "=" in words[1 : opener + 1] or "." in words[:opener]:
             return
         self.block = Block(name, i, self.block, indent=column)
@@ -274,7 +304,25 @@ class Assignments:
             variable.value = row
             self.block.tables[-1][variable.name] = variable
 
-    # Assignments.
+    def _initialised(self, i: int) -> int | None:
+        """Read what a declaration of C++ gives in braces, as in `double b[2]{0.5, 0.5}`; the index behind it."""
+        target = self._target(i) if self.language.rounds and self.language.first == 0 else None
+        if target is None or not self._declares(self._start_of_name(i - 1)):
+            return None
+        name, indices, is_declared = target
+        try:
+            value = self.reader.read(i)
+        except (Unread, RecursionError):
+            return None
+        end = self.reader.i
+        self._assign(name, indices, value, i, is_declared=is_declared)
+        return end
+
+    def _start_of_name(self, j: int) -> int:
+        """The index of a name in front of its sizes, which end at a token."""
+        while self.tokens[j].text == "]" and j in self.source.partner:
+            j = self.source.partner[j] - 1
+        return j
 
     def _assigned(self, i: int, sign: str) -> int | None:
         """Read what is assigned at a sign; the index behind it, or None if that cannot be read."""
@@ -431,8 +479,8 @@ class Assignments:
             variable.line = line
         is_name = self.tokens[i + 1].kind == "name" and self.reader.i == i + 2
         variable.is_moved = is_name and not isinstance(value, Unknown)
-        variable.is_filled = _is_constant(value)
-        variable.value = _copy(value)
+        variable.is_filled = is_constant(value)
+        variable.value = copied(value)
         if is_declared and all(isinstance(size, int) for size in indices) and any(indices):
             variable.shape = tuple(indices)
             variable.value = _declared(value, indices)
@@ -459,10 +507,12 @@ class Assignments:
             return
         if isinstance(variable.value, Unknown) or value is None:
             return
+        if isinstance(variable.value, Number) and not variable.value.value:
+            variable.value = None  # A = 0 fills an array
         if isinstance(variable.value, list):
             if not variable.is_filled:
                 variable.times += 1
-            if not _put(variable.value, indices, value, first):
+            if not put(variable.value, indices, value, first):
                 variable.value = Unknown(f"has no entry {_shown(indices)}")
             return
         if not all(isinstance(index, int) and 0 <= index <= LARGEST_INDEX for index in indices):
@@ -504,28 +554,6 @@ def _shown(indices: list[Any]) -> str:
     return "[" + ", ".join(map(str, indices)) + "]"
 
 
-def _is_constant(value: Any) -> bool:
-    """Whether all entries of an array are one number."""
-    flat = list(_flat(value)) if isinstance(value, list) else []
-    return (
-        bool(flat)
-        and all(x is flat[0] or x == flat[0] for x in flat)
-        and getattr(flat[0], "text", "") in ("zeros", "ones", "Matrix", "Vector", "Array")
-    )
-
-
-def _flat(value: Any) -> Iterator[Any]:
-    if isinstance(value, list):
-        for entry in value:
-            yield from _flat(entry)
-    else:
-        yield value
-
-
-def _copy(value: Any) -> Any:
-    return type(value)(_copy(entry) for entry in value) if isinstance(value, list) else value
-
-
 def _declared(value: Any, shape: list[int]) -> Any:
     """An array of a declared shape: missing entries are zeros, and more are a fault."""
     if not isinstance(value, list) or not shape:
@@ -543,32 +571,6 @@ def _declared(value: Any, shape: list[int]) -> Any:
     if len(shape) == 1:
         return rows + [ZERO] * min(shape[0] - len(rows), MOST_ENTRIES)
     return rows + [[ZERO] * shape[1] for _ in range(min(shape[0] - len(rows), LARGEST_INDEX))]
-
-
-def _put(array: list[Any], indices: list[Any], value: Any, first: int) -> bool:
-    """Put a value at indices of an array; whether there is such a place."""
-    index, *rest = indices
-    if isinstance(index, tuple):
-        start, stop = index
-        places = range(*slice(None if start is None else start - first, stop).indices(len(array)))
-        values = value if isinstance(value, list) else [value] * len(places)
-        if len(values) != len(places) or rest:
-            return False
-        for place, x in zip(places, values, strict=True):
-            array[place] = x
-        return True
-    place = index - first if index >= 0 else index + len(array)
-    if len(array) == 1 and not rest and isinstance(array[0], list) and place == 0 and isinstance(value, Number):
-        array[0][0] = value  # a matrix of one entry
-        return True
-    if not 0 <= place < len(array):
-        return False
-    if rest:
-        return isinstance(array[place], list) and _put(array[place], rest, value, first)
-    if isinstance(array[place], list) != isinstance(value, list):
-        return False
-    array[place] = value
-    return True
 
 
 def read_arrays(text: str, names: Iterable[str], language: str) -> dict[str, Any]:

@@ -235,6 +235,8 @@ class Group:
             matrix = as_square(A, 0)
             weights = as_row(b, len(matrix)) if matrix else weights
         if matrix is None:
+            if isinstance(A, list) and isinstance(A[0], list):
+                self.faults[name] = f"has {len(A)} rows, but there are {len(weights)} weights"
             return None
         diagonal = self._partner(pre, ("a_diagonal", "diagonal"), post, around=False)
         if diagonal is not None:
@@ -560,8 +562,9 @@ class Group:
         source = self.finder.source
         tokens = source.tokens
         for i in range(self.start, min(self.end or len(tokens), self.start + MOST_TOKENS)):
-            if tokens[i].kind == "text" and tokens[i - 1].text == "=" and tokens[i - 2].text in CLAIMS:
-                claims.setdefault(tokens[i - 2].text, tokens[i].text.strip("\"'ru"))
+            key = tokens[i - 2].text.strip("\"'") if tokens[i].kind == "text" else ""
+            if key in CLAIMS and tokens[i - 1].text in ("=", ":"):
+                claims.setdefault(key, tokens[i].text.strip("\"'ru"))
             elif tokens[i].kind == "name" and tokens[i + 1].text in ("(", "{") and MADE.search(tokens[i].text):
                 end = source.partner.get(i + 1, i + 1)
                 if tokens[i + 1].text == "{":

@@ -20,8 +20,8 @@ def read_tableaus(source: str | PathLike[str], language: str | None = None, name
 
     Args:
         source: The text, or a path to it.
-        language: One of c, julia, python, fortran, matlab and mathematica; by default that of the suffix of the path,
-            or of the brackets in the text. Arrays of LaTeX and rows of CSV are read as tableaus, too.
+        language: One of c, julia, python, fortran, matlab and mathematica; by default that of the suffix of the path
+            or name, or of the brackets in the text. Arrays of LaTeX and rows of CSV are read as tableaus, too.
         name: The name of the source in messages; by default that of the file.
 
     Returns:
@@ -39,9 +39,10 @@ def read_tableaus(source: str | PathLike[str], language: str | None = None, name
     text = read_text(path)[0] if path else str(source)
     if language is not None and language not in LANGUAGES:
         raise IntegratorError(f"language must be one of {', '.join(LANGUAGES)}, but was {language!r}")
-    typeset = None if language else rewritten(text, PurePath(path or name or "").suffix.lower())
-    chosen = LANGUAGES[language] if language else LANGUAGES["julia"] if typeset else language_of(text, path)
-    return Finder(Source(typeset or text, chosen, name or path or "text")).reading()
+    file = path or name or "text"
+    typeset = None if language else rewritten(text, PurePath(file).suffix.lower())
+    chosen = LANGUAGES[language] if language else LANGUAGES["julia"] if typeset else language_of(text, file)
+    return Finder(Source(typeset or text, chosen, name or file)).reading()
 
 
 class Finder:

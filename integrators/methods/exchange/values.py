@@ -501,7 +501,9 @@ class Reader:
             return self._apply(name, values, at)
         if len(values) == 1 and len(arguments) <= 2:
             return values[0]
-        if "Vector" in name or "Matrix" in name:
+        if "Matrix" in name and math.isqrt(len(values)) ** 2 == len(values):  # by columns
+            return [values[i :: math.isqrt(len(values))] for i in range(math.isqrt(len(values)))]
+        if "Vector" in name:
             return values
         return self._refuse(at=at)
 
@@ -578,10 +580,9 @@ class Reader:
             if not isinstance(value, Fraction) or value.denominator > 1 or not 0 <= value <= MOST_ENTRIES:
                 self._refuse(at=at)
             shape.append(int(value))
-        total = 1
-        for size in shape:
-            total *= size
-        if not shape or total > MOST_ENTRIES:
+        if len(shape) == 1 and self.language is LANGUAGES["matlab"]:
+            shape *= 2
+        if not shape or math.prod(shape) > MOST_ENTRIES:
             self._refuse(at=at)
         line = self.source.line(self.tokens[at].start)
         return constant(shape, number._replace(text=self.tokens[at].text, line=line))

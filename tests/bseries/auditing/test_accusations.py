@@ -68,3 +68,21 @@ def test_nodes_that_are_no_row_sums_are_notes_that_say_what_would_agree():
         assert found.holds
         assert found.methods[0].notes[0].endswith(end)
     assert bs.audit({"a.py": text.format("0, 1/2")}).methods[0].notes == ()
+
+
+def test_entries_of_the_last_row_that_are_the_weights_change_together():
+    """Lobatto IIIC, and the pair of Bogacki and Shampine with names of entries, whose other weights are differences."""
+    lobatto = (
+        "order = 4\nA = [[1/6, -1/3, 1/6], [1/6, 5/12, -1/12], [1/6, {0}, 1/6]]\nb = [1/6, {0}, 1/6]\nc = [0, 1/2, 1]\n"
+    )
+    assert bs.audit({"a.py": lobatto.format("2/3")}).holds
+    ((changes,),) = [x.corrections for x in bs.audit({"a.py": lobatto.format("2/5")}).methods[0].findings]
+    assert [(x["entry"], x["should_be"], x["line"]) for x in changes] == [("a[3,2]", "2/3", 2), ("b[2]", "2/3", 3)]
+    pair = (
+        "# third-order with embedded order 2\n"
+        "a21 = 1//2\na32 = 3//4\na41 = 2//9\na42 = {}\na43 = 4//9\nc1 = 1//2\nc2 = 3//4\n"
+        "btilde1 = 5//72\nbtilde2 = -1//12\nbtilde3 = -1//9\nbtilde4 = 1//8\n"
+    )
+    assert bs.audit({"a.jl": pair.format("1//3")}).holds
+    ((changes,),) = [x.corrections for x in bs.audit({"a.jl": pair.format("1//4")}).methods[0].findings]
+    assert [(x["should_be"], x["line"]) for x in changes] == [("1//3", 5)]

@@ -42,6 +42,23 @@ def test_orders_in_texts(text, order, embedded):
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        *("Not of order 3", "has not order 3", "at most third order", "Predictor of a fourth order method"),
+        *(
+            "of order less than 4",
+            "linear problems of order 3",
+            "starting values of order 4",
+            "Order 3 is lost if c = 1",
+        ),
+    ],
+)
+def test_an_order_in_doubt_is_no_claim(text):
+    assert claims_of({"comment": text}).to_dict() == {}
+    assert claims_of({"comment": f"A method of order 2. {text}"}).order == 2
+
+
+@pytest.mark.parametrize(
     ("name", "order", "embedded"),
     [
         ("RK45", 5, 4),
