@@ -12,7 +12,7 @@ import sympy
 from integrators import IntegratorError, RungeKutta, Scene, TableauWarning, Term, method, scene, stepper
 from integrators.methods import to_2n
 from integrators.methods.catalogue.low_storage import METHODS
-from integrators.methods.tableaux.files import dumps_method, loads_method
+from integrators.methods.kinds.files import dumps_method, loads_method
 
 WILLIAMSON = [0, "-5/9", "-153/128"], ["1/3", "15/16", "8/15"]
 ALPHA = [[0, 0, 0], [1, 0, 0], ["3/4", "1/4", 0], ["1/3", 0, "2/3"]]
