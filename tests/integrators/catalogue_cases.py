@@ -63,7 +63,7 @@ SUITABLE = {
     "exponential": ("stiff-scalar", "fast-oscillator", "reaction"),
 }
 """Scenes for the methods that are made for special systems."""
-FOR_FORCES_WITH_VELOCITY = {"rkn-nystrom4-general": ("damped-pendulum", "pendulum", "kepler")}
+FOR_FORCES_WITH_VELOCITY = ("damped-pendulum", "pendulum", "kepler")
 
 
 def built(entry, stages):
@@ -86,7 +86,9 @@ def claims(left_out=()):
     """
     places = {}
     for entry in catalogue():
-        suitable = FOR_FORCES_WITH_VELOCITY.get(entry.name, SUITABLE.get(entry.kind, GENERAL))
+        suitable = SUITABLE.get(entry.kind, GENERAL)
+        if entry.kind == "nystrom" and entry.name.endswith("general"):
+            suitable = FOR_FORCES_WITH_VELOCITY
         for stages in range(entry.least_stages, entry.least_stages + 3) if entry.is_family else [None]:
             place = places[entry.kind] = places.get(entry.kind, -1) + 1
             if entry.kind == "multistep" or entry.kind in left_out:

@@ -37,6 +37,13 @@ JAY = (
 STIFF = "Hairer, Wanner, Solving Ordinary Differential Equations II, §IV.5, doi:10.1007/978-3-642-05221-7"
 
 
+KENNEDY_CARPENTER = "C. A. Kennedy, M. H. Carpenter, NASA/TM-2016-219173 (2016)"
+ESDIRK32 = "(-1181+1187*sqrt(2))/2835 (-1181+1187*sqrt(2))/2835 2374*(1-sqrt(2))/2835 5827/7560 9/40"
+ESDIRK43 = (
+    "(1181-987*sqrt(2))/13782 (1181-987*sqrt(2))/13782 47*(-267+1783*sqrt(2))/273343 (366752-56400*sqrt(2))/571953 "
+    "-15625*(97+376*sqrt(2))/90749876 1/4"
+)
+"""The last rows of two methods, which are their weights."""
 WSO643 = (
     "0.079672377876931",
     "0.328355391763968 0.136009256546967",
@@ -231,6 +238,20 @@ METHODS = (
         "stiffly accurate, with weak stage order 3: linear problems have order 4 however stiff they are",
         "D. I. Ketcheson, B. Seibold, D. Shirokoff, D. Zhou, arXiv:1811.01285 (2018)", digits=15,
         title="weak stage order (6,4,3)"),
+    _entry("kennedy-carpenter-esdirk32", 3,
+        lower_rows(
+            ("", "9/40 9/40", "(9+9*sqrt(2))/80 (9+9*sqrt(2))/80 9/40",
+             "(8+7*sqrt(2))/80 (8+7*sqrt(2))/80 (7-7*sqrt(2))/40 9/40", ESDIRK32), 5),
+        ESDIRK32.split(), "stiffly accurate and L-stable, with stage order 2; ESDIRK3(2)5L[2]SA", KENNEDY_CARPENTER,
+        title="ESDIRK3(2)5L[2]SA"),
+    _entry("kennedy-carpenter-esdirk43", 4,
+        lower_rows(
+            ("", "1/4 1/4", "(1-sqrt(2))/8 (1-sqrt(2))/8 1/4",
+             "(5-7*sqrt(2))/64 (5-7*sqrt(2))/64 7*(1+sqrt(2))/32 1/4",
+             "(-13796-54539*sqrt(2))/125000 (-13796-54539*sqrt(2))/125000 (506605+132109*sqrt(2))/437500 "
+             "166*(-97+376*sqrt(2))/109375 1/4", ESDIRK43), 6),
+        ESDIRK43.split(), "stiffly accurate and L-stable, with stage order 2; ESDIRK4(3)6L[2]SA", KENNEDY_CARPENTER,
+        title="ESDIRK4(3)6L[2]SA"),
     MethodEntry("sdirk2", "diagonally implicit", 2, 2,
         "singly diagonally implicit with nodes gamma and 1 - gamma; order 3 for gamma = 1/2 ± sqrt(3)/6", NORSETT,
         _sdirk2, parameters=("gamma",), title="SDIRK2"),

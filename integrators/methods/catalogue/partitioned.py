@@ -27,6 +27,11 @@ NYSTROM = (
     "E. J. Nyström, Acta Soc. Sci. Fennicae 50 (1925) 1–55; Hairer, Nørsett, Wanner, Solving Ordinary Differential "
     "Equations I (1993), §II.14, doi:10.1007/978-3-540-78862-1"
 )
+DEP = (
+    "J. R. Dormand, M. E. A. El-Mikkawy, P. J. Prince, IMA J. Numer. Anal. 7 (1987) 235–250, doi:10.1093/imanum/7.2.235"
+)
+BETTIS = "D. G. Bettis, Celestial Mech. 8 (1973) 229–233, doi:10.1007/BF01231421"
+FINE = "J. M. Fine, Computing 38 (1987) 281–297, doi:10.1007/BF02278707"
 TAKAHASHI_IMADA = "M. Takahashi, M. Imada, J. Phys. Soc. Japan 53 (1984) 3765–3769, doi:10.1143/JPSJ.53.3765"
 SIMPLIFIED = "E. Hairer, R. I. McLachlan, R. D. Skeel, ESAIM: M2AN 43 (2009) 631–644, doi:10.1051/m2an/2009019"
 CHIN = "S. A. Chin, Phys. Lett. A 226 (1997) 344–348, doi:10.1016/S0375-9601(97)00003-0"
@@ -93,6 +98,33 @@ METHODS = (
         "Nyström's method of order 4 for q'' = g(q, q'), with the nodes and weights of rk4", NYSTROM,
         _nystrom(("", "1/8", "1/8 0", "0 0 1/2"), "1/6 1/6 1/6 0", "1/6 1/3 1/3 1/6", "0 1/2 1/2 1",
             ("", "1/2", "0 1/2", "0 0 1")), title="RKN Nyström 4 general"),
+    MethodEntry("rkn-dormand-prince4", "nystrom", 4, 4, "four stages; the last position is that of the next step", DEP,
+        _nystrom(("", "1/32", "7/1000 119/500", "1/14 8/27 25/189"), "1/14 8/27 25/189 0", "1/14 32/81 250/567 5/54",
+            "0 1/4 7/10 1"), title="RKN Dormand–Prince 4"),
+    MethodEntry("rkn-bettis5", "nystrom", 6, 5, "six stages; the last position is that of the next step", BETTIS,
+        _nystrom(("", "1/128", "1/96 1/48", "1/24 0 1/12", "9/128 0 9/64 9/128", "7/90 0 4/15 1/15 4/45"),
+            "7/90 0 4/15 1/15 4/45 0", "7/90 0 16/45 2/15 16/45 7/90", "0 1/8 1/4 1/2 3/4 1"), title="RKN Bettis 5"),
+    MethodEntry("rkn-dormand-prince6", "nystrom", 6, 6, "six stages; the last position is that of the next step", DEP,
+        _nystrom(("", "1/200", "-1/2200 1/22", "637/6600 -7/110 7/33",
+             "225437/1968750 -30073/281250 65569/281250 -9367/984375",
+             "151/2142 5/116 385/1368 55/168 -6250/28101"), "151/2142 5/116 385/1368 55/168 -6250/28101 0",
+            "151/2142 25/522 275/684 275/252 -78125/112404 1/12", "0 1/10 3/10 7/10 17/25 1"),
+        title="RKN Dormand–Prince 6"),
+    MethodEntry("rkn-fine4-general", "nystrom", 5, 4, "for q'' = g(q, q')", FINE,
+        _nystrom(("", "2/81", "1/36 1/36", "9/128 0 27/128", "11/60 -3/20 9/25 8/75"), "19/180 0 63/200 16/225 1/120",
+            "1/9 0 9/20 16/45 1/12", "0 2/9 1/3 3/4 1",
+            ("", "2/9", "1/12 1/4", "69/128 -243/128 135/64", "-17/12 27/4 -27/5 16/15")), title="RKN Fine 4 general"),
+    MethodEntry("rkn-fine5-general", "nystrom", 7, 5,
+        "for q'' = g(q, q'); the last stage is the first of the next step", FINE,
+        _nystrom(("", "32/1521", "4/169 4/169", "175/5184 0 1625/5184",
+             "-342497279/5618900760 6827067/46824173 35048741/102161832 -2201514/234120865",
+             "-7079/52152 767/2173 14027/52152 30/2173", "4817/51600 0 388869/1216880 3276/23575 -1142053/22015140"),
+            "4817/51600 0 388869/1216880 3276/23575 -1142053/22015140 0 0",
+            "4817/51600 0 1685099/3650640 19656/23575 -53676491/88060560 53/240 0", "0 8/39 4/13 5/6 43/47 1 1",
+            ("", "8/39", "1/13 3/13", "7385/6912 -9425/2304 13325/3456",
+             "223324757/91364240 -174255393/18272848 382840094/46824173 -39627252/234120865",
+             "108475/36464 -9633/848 7624604/806183 8100/49979 -4568212/19446707",
+             "4817/51600 0 1685099/3650640 19656/23575 -53676491/88060560 53/240")), title="RKN Fine 5 general"),
     MethodEntry("takahashi-imada", "force gradient", 2, 2,
         "Störmer-Verlet with the force f + alpha h^2 f' f, alpha = 1/12: symplectic, conjugate to a method of order 4",
         TAKAHASHI_IMADA, TakahashiImada, options=("alpha",), title="Takahashi–Imada"),

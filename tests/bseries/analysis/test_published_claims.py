@@ -31,6 +31,19 @@ def test_additive_pairs_have_their_orders(name):
     assert all(abs(x - y) < 1e-24 for x, y in zip(explicit.c, implicit.c, strict=True))
 
 
+@pytest.mark.parametrize(("name", "order"), [("kennedy-carpenter-esdirk32", 3), ("kennedy-carpenter-esdirk43", 4)])
+def test_esdirk_methods_have_stage_order_two(name, order):
+    """Stiffly accurate and L-stable, and A c = c²/2, but not A c² = c³/3."""
+    method = bs.method(name)
+    assert bs.order_of(method) == order
+    assert method.A[-1] == method.b
+    assert bs.check(method).stability["l_stable"] is True
+    A = np.array(method.to_float().A, dtype=float)
+    c = A.sum(axis=1)
+    np.testing.assert_allclose(A @ c, c**2 / 2, atol=1e-15)
+    assert abs(A @ c**2 - c**3 / 3).max() > 1e-3
+
+
 def test_pseudo_energy_preserving_methods_preserve_energy_beyond_their_order():
     assert [bs.energy_preservation(name, 7).order for name in ("pep425", "pep526", "rk4")] == [5, 6, 4]
 
