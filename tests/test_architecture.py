@@ -232,9 +232,10 @@ def test_every_room_is_distributed():
 @pytest.mark.minimum
 def test_public_names_win_over_modules_of_the_same_name():
     """In whatever order they are loaded: lazy-loader before 0.6 left the module where it was imported first."""
-    code = (
-        "import bseries.auditing.corrections, bseries.hamiltonians.energy_drift, bseries.shadow.energy_log, bseries as bs\n"
-        "print(*(type(x).__name__ for x in (bs.auditing.corrections, bs.hamiltonians.energy_drift, bs.shadow.energy_log)))"
-    )
+    code = """
+import bseries.auditing.corrections, bseries.hamiltonians.energy_drift, bseries.shadow.energy_log
+import bseries as bs
+print(*(type(x).__name__ for x in (bs.auditing.corrections, bs.hamiltonians.energy_drift, bs.shadow.energy_log)))
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["function"] * 3
