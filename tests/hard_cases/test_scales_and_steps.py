@@ -321,7 +321,7 @@ NO_STARTS = {
     "too deep": [[0, 1]],
     "a number": 5,
     "one text": "01",
-    "a dict": {},
+    "a set": {0, 1},
     "10⁴⁰⁰": [10**400, 0],
     "10⁵⁰⁰⁰": [10**5000, 0],
     "masked": np.ma.array([0, 1], mask=np.array([False, True])),

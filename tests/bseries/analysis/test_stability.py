@@ -40,6 +40,8 @@ A_STABLE = [
     *(f"lobatto-iii{letter}{s}" for letter in "abcde" for s in (2, 3, 6, 12)),
     *("implicit-euler", "implicit-midpoint", "trapezoidal", "crouzeix3", "crouzeix4", "qin-zhang"),
 ]
+A_STABLE_L = ["wso-dirk643", "kennedy-carpenter-esdirk32", "kennedy-carpenter-esdirk43"]
+"""Stiffly accurate, so that they are L-stable, too."""
 
 
 def pade(k, j):
@@ -198,11 +200,12 @@ def test_symbols():
 # -------------------------------------------------------------------------------------------------- A- and L-stability
 
 
-@pytest.mark.parametrize("name", A_STABLE)
+@pytest.mark.parametrize("name", A_STABLE + A_STABLE_L)
 def test_a_stable_methods(name):
     R = stability_function(method(name))
     assert is_a_stable(R) is is_i_stable(R) is True
-    assert is_l_stable(R) is (name == "implicit-euler" or name.startswith(("radau", "lobatto-iiic")))
+    is_damped = name == "implicit-euler" or name.startswith(("radau", "lobatto-iiic")) or name in A_STABLE_L
+    assert is_l_stable(R) is is_damped
     assert (stability_angle(R), real_stability_interval(R), imaginary_stability_interval(R)) == (90, math.inf, math.inf)
     assert (dissipation_order(R) is None) is (R.at_infinity in (1, -1))
 
@@ -357,7 +360,7 @@ def test_chebyshev_polynomials_touch_one_and_stay(s):
 
 @pytest.mark.few(8)
 @pytest.mark.parametrize(
-    "name", [n for n in NUMERIC if n not in A_STABLE and not n.startswith(("gauss", "rad", "lob"))]
+    "name", [n for n in NUMERIC if n not in A_STABLE + A_STABLE_L and not n.startswith(("gauss", "rad", "lob"))]
 )
 def test_intervals_by_sampling(name):
     R = stability_function(method(name))

@@ -47,7 +47,15 @@ VALUES = {
     "ros2": {"gamma": "1/3"},
     "ros2-w": {"gamma": "1/3"},
 }
-COARSE = {"tsit5": 30, "dormand-prince87": 5, "blanes-moan4": 40, "grk4a": 20, "grk4t": 40}
+COARSE = {
+    "tsit5": 30,
+    "dormand-prince87": 5,
+    "blanes-moan4": 40,
+    "grk4a": 20,
+    "grk4t": 40,
+    "berland64": 20,
+    "toulorge-desmet84": 20,
+}
 """1/h for published decimals: the local error must stand out from what their last digits spoil."""
 LONGEST = 15
 """Flows; `test_high_order_compositions` has the orders of all by words, `test_measured_orders` by steps."""

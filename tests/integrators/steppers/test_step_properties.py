@@ -28,7 +28,15 @@ def fields(name, names, arithmetic):
 
 # Plain steps
 
-ELSEWHERE = {"rosenbrock", "w-method", "force gradient", "two-derivative", "continuous stage", "exponential"}
+ELSEWHERE = {
+    "rosenbrock",
+    "w-method",
+    "force gradient",
+    "two-derivative",
+    "continuous stage",
+    "exponential",
+    "implicit-explicit",
+}
 """Kinds whose compiled steps are compared with thirty digits in `test_implicit_steppers` and `test_flow_steppers`."""
 
 
@@ -39,6 +47,20 @@ def test_steps_are_those_of_the_definition(entry, stages, name, order):
     start = cases.STARTS[name]
     expected = plain_steps(made, fields(name, made.names, "numpy"), start, 1 / 32, STEPS)
     compiled = stepper(made, cases.SCENES[name])
+    state = compiled.start(start, h=1 / 32)
+    compiled.advance(state, STEPS)
+    assert np.abs(state.y - expected[:, -1]).max() < 300 * np.spacing(np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["kennedy-carpenter32", "kennedy-carpenter54"])
+def test_steps_of_additive_pairs_are_those_of_the_definition(name):
+    start, made = cases.STARTS["reaction"], method(name)
+    parts = {
+        "L": lambda y: np.array([-y[0] + 2 * y[1], y[0] - 8 * y[1]]),
+        "N": lambda y: np.array([y[0] * y[1], 1 - y[0] ** 2]),
+    }
+    expected = plain_steps(made, parts, start, 1 / 32, STEPS)
+    compiled = stepper(made, cases.SCENES["reaction"])
     state = compiled.start(start, h=1 / 32)
     compiled.advance(state, STEPS)
     assert np.abs(state.y - expected[:, -1]).max() < 300 * np.spacing(np.abs(expected).max())
