@@ -9,7 +9,7 @@ energy has one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from bseries_base.errors import shorten
 from integrators.core.errors import IntegratorError
@@ -107,7 +107,8 @@ def hamiltonian_field(energy: sympy.Expr, scene: System) -> list[sympy.Expr]:
     if scene.poisson is not None:
         for i, row in enumerate(scene.poisson):
             products = (filled(b, scene) * g for b, g in zip(row, gradient, strict=False))
-            field[i] = sympy.expand_mul(sympy.Add(*products))  # powers of sums stay whole
+            expanded: Any = sympy.expand_mul(sympy.Add(*products))  # powers of sums stay whole
+            field[i] = expanded
     elif pair is not None:
         for p, q in zip(range(pair[0].offset, pair[0].end), range(pair[1].offset, pair[1].end), strict=True):
             field[p], field[q] = -gradient[q], gradient[p]
