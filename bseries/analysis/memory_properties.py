@@ -56,3 +56,11 @@ def with_memory(method: Method | str) -> MethodWithMemory:
     if not isinstance(method, MethodWithMemory):
         raise SeriesError(f"method must be a method with memory, such as memory.bdf(2), but was {shown(method)}")
     return method
+
+
+def linear_multistep(method: Method | str) -> LinearMultistep:
+    """The method of a name, or the method, which must be a linear multistep method."""
+    method = as_method(method)
+    if not isinstance(method, LinearMultistep):
+        raise SeriesError(f"method must be a linear multistep method, such as memory.bdf(2), but was {shown(method)}")
+    return method

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bseries.exceptions import SeriesError
-from bseries_base.errors import shown
+from bseries.analysis.memory_properties import linear_multistep
 from integrators.core.arguments import read_whole
 from integrators.exact.entries import round_entry
-from integrators.methods.catalogue.registry import as_method
-from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.kinds.root_conditions import ParasiticMode
 from integrators.methods.programs.program import Method
 
@@ -38,7 +35,7 @@ def parasitic_modes(method: Method | str) -> tuple[ParasiticMode, ...]:
     References:
         HLW, theorem XV.3.2.
     """
-    return _multistep(method).growth_parameters
+    return linear_multistep(method).growth_parameters
 
 
 def root_locus(method: Method | str, points: int = 400) -> np.ndarray:
@@ -59,7 +56,7 @@ def root_locus(method: Method | str, points: int = 400) -> np.ndarray:
     """
     import numpy as np
 
-    multistep = _multistep(method)
+    multistep = linear_multistep(method)
     rho, sigma = (np.array([round_entry(x) for x in row[::-1]]) for row in (multistep.alpha, multistep.beta))
     zeta = np.exp(1j * np.linspace(-np.pi, np.pi, read_whole(points, "points", "a whole number ≥ 2", 2, 10**7)))
     with np.errstate(all="ignore"):
@@ -89,10 +86,3 @@ def dahlquist_barrier(k: int, *, explicit: bool = False) -> int:
     """
     k = read_whole(k, "k", "a number of steps ≥ 1", 1, 10**9)
     return k if explicit else k + 1 + (k % 2 == 0)
-
-
-def _multistep(method: Method | str) -> LinearMultistep:
-    method = as_method(method)
-    if not isinstance(method, LinearMultistep):
-        raise SeriesError(f"method must be a linear multistep method, such as memory.bdf(2), but was {shown(method)}")
-    return method

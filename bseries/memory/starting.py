@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bseries.exceptions import SeriesError
+from bseries.analysis.memory_properties import linear_multistep
 from bseries.fields.modified_fields import series_map
-from bseries_base.errors import shown
 from integrators.exact.arguments import read_number, read_vector
-from integrators.methods.catalogue.registry import as_method
-from integrators.methods.kinds.memory import LinearMultistep
 from integrators.methods.programs.program import Method
 from integrators.scenes.catalogue.registry import as_scene
 from integrators.scenes.scene import Scene
@@ -46,9 +43,7 @@ def starting_values(
     References:
         HLW, section XV.2.
     """
-    method, scene = as_method(method), as_scene(scene)
-    if not isinstance(method, LinearMultistep):
-        raise SeriesError(f"method must be a linear multistep method, such as memory.bdf(2), but was {shown(method)}")
+    method, scene = linear_multistep(method), as_scene(scene)
     step, size = series_map(method, scene, order or method.order + 2), read_number(h, "h")
     states = [scene.y0 if y0 is None else read_vector(y0, "y0", scene.dimension)]
     while len(states) < method.steps:

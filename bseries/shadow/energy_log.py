@@ -11,10 +11,10 @@ import numpy as np
 
 from bseries.exceptions import SeriesError
 from bseries.hamiltonians.drift_statistics import BOUNDED, UNSEEN, DriftStatistics, drift_statistics
-from bseries.shadow.sources import chosen_names
+from bseries.shadow.sources import chosen_names, text_lines
 from bseries_base.errors import shown
 from bseries_base.table import Column, Table, as_html, as_text
-from integrators.core.text_files import read_lines
+from integrators.exact.arguments import read_number
 
 TOTAL = re.compile(r"(?:total[ _-]?energy|conserved|toteng|e_?tot(?:al)?|econserve|energy|H)\b.*", re.I)
 """Names of columns of a total energy, of LAMMPS (TotEng), GROMACS, OpenMM and others."""
@@ -84,7 +84,7 @@ class EnergyLog(NamedTuple):
 
 
 def energy_log(
-    source: str | os.PathLike[str] | IO[str] | Sequence[str], column: str | None = None, *, h: float | None = None
+    source: str | os.PathLike[str] | IO[str] | Sequence[str], column: str | None = None, *, h: float | str | None = None
 ) -> EnergyLog:
     """Whether the energy in a log stays bounded, drifts or walks, from its values alone.
 
@@ -98,8 +98,9 @@ def energy_log(
         An `EnergyLog`.
 
     Raises:
-        SeriesError: There is no such column, there are fewer than 512 values, one is not finite, or the times are not
-            equidistant.
+        SeriesError: There is no such column, there are fewer than 512 values, one is not finite, the times are not
+            equidistant, or `h` is not positive.
+        IntegratorError: `h` is no number.
 
     Example:
         >>> import bseries as bs
@@ -110,11 +111,11 @@ def energy_log(
     """
     names, table = _longest_table(source)
     place = _energy(names, column)
-    interval = _interval(names, table, place) if h is None else h
-    if not isinstance(interval, int | float) or not np.isfinite(interval) or interval <= 0:
+    interval = _interval(names, table, place) if h is None else read_number(h, "h")
+    if not 0 < interval < np.inf:
         raise SeriesError(f"h must be a positive number, but was {shown(interval)}")
     values = table[:, place]
-    return EnergyLog(names[place], float(interval), len(values), drift_statistics(values, float(interval)))
+    return EnergyLog(names[place], interval, len(values), drift_statistics(values, interval))
 
 
 def _longest_table(source: Any) -> tuple[list[str], np.ndarray]:
@@ -150,14 +151,11 @@ def _longest_table(source: Any) -> tuple[list[str], np.ndarray]:
 def _lines(source: Any) -> Iterator[str]:
     """The lines that are not empty."""
     if isinstance(source, str | os.PathLike):
-        label = os.fspath(source)
-        with open(label, encoding="utf-8-sig") as file:
-            try:
-                yield from filter(None, map(str.strip, read_lines(file, label)))
-            except UnicodeDecodeError:
-                raise SeriesError(f"{label} must be text in UTF-8, but was not") from None
-    else:
-        yield from filter(None, map(str.strip, read_lines(source, "source") if hasattr(source, "readline") else source))
+        source = os.fspath(source)
+        return text_lines(source, source, "text in UTF-8, but was not")
+    if hasattr(source, "readline"):
+        return text_lines(source, "source", "text in UTF-8, but was not")
+    return filter(None, map(str.strip, source))
 
 
 def _energy(names: Sequence[str], column: str | None) -> int:

@@ -252,16 +252,18 @@ def _of_text(
 
 def _lines(source: str | IO[str], label: str) -> Iterator[str]:
     """The lines that are neither empty nor comments; the first may be a comment."""
-    is_first = True
+    lines = text_lines(source, label, "text in UTF-8, an NPY or an NPZ file, but was neither")
+    yield from islice(lines, 1)
+    yield from (line for line in lines if not line.startswith("#"))
+
+
+def text_lines(source: str | IO[str], label: str, wanted: str) -> Iterator[str]:
+    """The lines that are not empty, without spaces around them; `wanted` ends the error where they are no text."""
     with open(source, encoding="utf-8-sig") if isinstance(source, str) else nullcontext(source) as file:
         try:
-            for line in read_lines(file, label):
-                text = line.strip()
-                if text and (is_first or not text.startswith("#")):
-                    is_first = False
-                    yield text
+            yield from filter(None, map(str.strip, read_lines(file, label)))
         except UnicodeDecodeError:
-            raise SeriesError(f"{label} must be text in UTF-8, an NPY or an NPZ file, but was neither") from None
+            raise SeriesError(f"{label} must be {wanted}") from None
 
 
 def _is_number(text: str) -> bool:

@@ -122,6 +122,20 @@ def multiply_entries(x: Entry, y: Entry) -> Entry:
     return exact.simplest(sympy.expand(exact.in_sympy(x) * exact.in_sympy(y)))
 
 
+def divide_entries(x: Entry, y: Entry) -> Entry:
+    """The quotient of two entries, in a normal form with roots in the numerator only."""
+    if not (is_sympy(x) or is_sympy(y)):
+        return x / y
+    import sympy
+
+    return exact.simplest(sympy.radsimp(sympy.cancel(exact.in_sympy(x) / exact.in_sympy(y))))
+
+
+def flat_entries(value: Any) -> list[Any]:
+    """The entries of rows and matrices, nested tuples."""
+    return [x for part in value for x in flat_entries(part)] if isinstance(value, tuple) else [value]
+
+
 def _refuse_symbols_among_floats(values: Iterable[Entry]) -> None:
     if symbol_names(values):
         raise IntegratorError(NO_SYMBOLS_AMONG_FLOATS)

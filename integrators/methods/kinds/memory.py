@@ -22,7 +22,9 @@ from integrators.exact.entries import (
     EntryRow,
     Matrix,
     certainly_differs,
+    divide_entries,
     find_domain,
+    flat_entries,
     multiply_entries,
     sum_entries,
     symbol_names,
@@ -45,7 +47,7 @@ class MethodWithMemory(ProgramMethod):
     kind: ClassVar[str]
 
     def _set_exactly(self, coefficients: dict[str, Any], labels: Labels) -> None:
-        entries = [x for value in coefficients.values() for x in _flat(value)]
+        entries = flat_entries(tuple(coefficients.values()))
         for x in entries:
             if isinstance(x, float):
                 raise IntegratorError(f"coefficients must be exact, fractions or text, but one was {x}")
@@ -177,18 +179,18 @@ class LinearMultistep(MethodWithMemory):
     @cached_property
     def rescaling(self) -> Entry:
         """The factor σ(1)/ρ'(1) of the field that the method solves; 1 unless it is `rescaled`."""
-        return quotient(sum_entries(self.beta), self._derivative_at_one) if self.rescaled else ONE
+        return divide_entries(sum_entries(self.beta), self._derivative_at_one) if self.rescaled else ONE
 
     @cached_property
     def _order_and_constant(self) -> tuple[int, Entry]:
-        beta = [quotient(b, self.rescaling) for b in self.beta]
+        beta = [divide_entries(b, self.rescaling) for b in self.beta]
         sigma = sum_entries(beta)
         for q in range(2, 2 * self.steps + 3):  # a method with k steps has at most order 2k
             terms = [multiply_entries(Fraction(j**q), a) for j, a in enumerate(self.alpha)]
             terms += [multiply_entries(Fraction(-q * j ** (q - 1)), b) for j, b in enumerate(beta)]
             total = sum_entries(terms)
             if certainly_differs(total, 0, 0):
-                return q - 1, quotient(total, multiply_entries(Fraction(factorial(q)), sigma))
+                return q - 1, divide_entries(total, multiply_entries(Fraction(factorial(q)), sigma))
         raise IntegratorError(f"alpha and beta must have no common factor, but those of {self.name} have")
 
     @property
@@ -220,7 +222,7 @@ class LinearMultistep(MethodWithMemory):
     @cached_property
     def growth_parameters(self) -> tuple[ParasiticMode, ...]:
         """The parasitic modes: the simple roots ζ ≠ 1 of ρ of modulus 1, with μ = σ(ζ)/(ζ ρ'(ζ))."""
-        return root_conditions.parasitic_modes(self.alpha, [quotient(b, self.rescaling) for b in self.beta])
+        return root_conditions.parasitic_modes(self.alpha, [divide_entries(b, self.rescaling) for b in self.beta])
 
     @cached_property
     def stability_angle(self) -> float | None:
@@ -246,9 +248,9 @@ class LinearMultistep(MethodWithMemory):
         """
         k, last = self.steps, self.alpha[-1]
         kept = next((k - j for j in range(k) if self.beta[j] != 0), 0)  # slopes of the past
-        own = quotient(self.beta[-1], last)
-        U = [quotient(-self.alpha[k - 1 - j], last) for j in range(k)]
-        U += [quotient(self.beta[k - 1 - j], last) for j in range(kept)]
+        own = divide_entries(self.beta[-1], last)
+        U = [divide_entries(-self.alpha[k - 1 - j], last) for j in range(k)]
+        U += [divide_entries(self.beta[k - 1 - j], last) for j in range(kept)]
         V, B = [U], [[own]]
         for row in range(1, k + kept):
             V.append([ONE if column == row - 1 and row != k else ZERO for column in range(k + kept)])
@@ -324,7 +326,7 @@ class GeneralLinear(MethodWithMemory):
             raise IntegratorError(
                 f"finishing must have d·u ≠ 0 for the u with V u = u, but was {_text(self.finishing)}"
             )
-        u = tuple(quotient(x, scale) for x in v)
+        u = tuple(divide_entries(x, scale) for x in v)
         solver = inverse([*([*row, -x] for row, x in zip(fixed, u, strict=True)), [*self.finishing, ZERO]])
         if solver is None:
             raise IntegratorError("V must have 1 as a simple eigenvalue, but has it as a multiple one")
@@ -358,7 +360,7 @@ class GeneralLinear(MethodWithMemory):
         Raises:
             IntegratorError: The coefficients are not rational.
         """
-        if find_domain(_flat(self.V)) != "QQ":
+        if find_domain(flat_entries(self.V)) != "QQ":
             raise IntegratorError(f"V must be rational for zero-stability, but was {self.domain}")
         matrix = polynomials.to_flint_matrix(cast(Any, self.V))
         return root_conditions.satisfies_root_condition([polynomials.from_flint(x) for x in matrix.minpoly().coeffs()])
@@ -413,15 +415,6 @@ class TwoStepRungeKutta(GeneralLinear):
         self.__dict__["coefficients"] = given
 
 
-def quotient(x: Entry, y: Entry) -> Entry:
-    """x / y, in a normal form."""
-    if isinstance(x, Fraction) and isinstance(y, Fraction):
-        return x / y
-    import sympy
-
-    return simplest(sympy.radsimp(sympy.cancel(in_sympy(x) / in_sympy(y))))
-
-
 def dot(x: Sequence[Entry], y: Sequence[Entry]) -> Entry:
     """Σ x_j y_j."""
     return sum_entries(multiply_entries(a, b) for a, b in zip(x, y, strict=True))
@@ -460,10 +453,6 @@ def _echelon(rows: Sequence[Sequence[Entry]]) -> list[EntryRow]:
     matrix = DomainMatrix.from_Matrix(sympy.Matrix([list(map(in_sympy, row)) for row in rows]), extension=True)
     echelon, pivots = matrix.to_field().rref()
     return [tuple(map(simplest, row)) for row in echelon.to_Matrix().tolist()[: len(pivots)]]
-
-
-def _flat(value: Any) -> list[Entry]:
-    return [x for part in value for x in _flat(part)] if isinstance(value, tuple) else [value]
 
 
 def _labels(method: MethodWithMemory) -> Labels:

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from integrators.core.errors import IntegratorError
+from integrators.exact.arithmetic import in_sympy
 from integrators.exact.entries import Entry, find_domain, round_entry
 from integrators.exact.polynomials import to_flint
 
@@ -138,7 +139,7 @@ def _isolated(coefficients: Sequence[Entry], bits: int) -> list[tuple[Any, int]]
 
         digits, numbers = bits // 3, []
         for x in coefficients:
-            value = sympy.N(sympy.sympify(x, strict=True), digits + 10)
+            value = sympy.N(in_sympy(x), digits + 10)
             numbers.append(flint.arb(str(value), f"1e-{digits - 5}"))
         try:
             return [(root, 1) for root in flint.acb_poly(numbers).roots(tol=flint.arb(2) ** (-bits // 2))]

@@ -67,7 +67,7 @@ class RegisterForm(ImmutableValue):
     ) -> None:
         check_digits(digits)
         coefficients = _read(KINDS[kind].shapes, given, tuple(names))
-        if entries.find_domain(_flat(coefficients)) == "float":
+        if entries.find_domain(entries.flat_entries(tuple(coefficients.values()))) == "float":
             coefficients = _mapped(coefficients, lambda x, _: multiply_entries(1.0, x))
         self.__dict__.update(kind=kind, coefficients=coefficients, digits=digits)
         step = _Recorder(self.precision)
@@ -88,7 +88,9 @@ class RegisterForm(ImmutableValue):
     @property
     def precision(self) -> Fraction | float:
         """The relative error of the coefficients: 0 if they are exact."""
-        return entries.relative_error(entries.find_domain(_flat(self.coefficients)), self.digits)
+        return entries.relative_error(
+            entries.find_domain(entries.flat_entries(tuple(self.coefficients.values()))), self.digits
+        )
 
     def to_dict(self, write: Callable[[EntryRow], object]) -> dict[str, Any]:
         """The form as plain data, with rows of coefficients written by a function."""
@@ -169,11 +171,6 @@ def merged(terms: Iterable[tuple[int, Entry]]) -> tuple[tuple[int, Entry], ...]:
     for v, x in terms:
         total[v] = sum_entries((total[v], x)) if v in total else x
     return tuple((v, x) for v, x in total.items() if x != 0)
-
-
-def _flat(coefficients: Coefficients) -> list[Entry]:
-    rows = (row for given in coefficients.values() for row in given)
-    return [x for row in rows for x in (row if isinstance(row, tuple) else (row,))]
 
 
 def _mapped(coefficients: Coefficients, function: Callable[[Entry, str], Entry]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from bseries_base.errors import shorten, shown
 from integrators.core.errors import IntegratorError
-from integrators.exact import arithmetic, entries
+from integrators.exact import entries
 from integrators.exact.entries import Entry, EntryRow
 from integrators.exact.expressions import format_number
 from integrators.methods.tableaux.runge_kutta import RungeKutta
@@ -48,7 +48,7 @@ def to_2n(method: RungeKutta) -> tuple[EntryRow, EntryRow]:
         for j in reversed(range(i)):
             change = entries.sum_entries((rows[i + 1][j], -rows[i][j]))
             if j == i - 1:
-                A.append(_quotient(change, last))
+                A.append(entries.divide_entries(change, last))
             product = entries.multiply_entries(product, A[j + 1])
             if entries.cancels((rows[i + 1][j], -rows[i][j], -product), precision) is not True:
                 left, right = (shorten(format_number(x)) for x in (change, product))
@@ -57,12 +57,3 @@ def to_2n(method: RungeKutta) -> tuple[EntryRow, EntryRow]:
                     f"i = {i + 1}, j = {j + 1} the left side was {left} and the right {right}"
                 )
     return tuple(A), tuple(B)
-
-
-def _quotient(x: Entry, y: Entry) -> Entry:
-    """x / y, with roots in the numerator only."""
-    if not (entries.is_sympy(x) or entries.is_sympy(y)):
-        return x / y
-    import sympy
-
-    return arithmetic.simplest(sympy.radsimp(sympy.cancel(arithmetic.in_sympy(x) / arithmetic.in_sympy(y))))
