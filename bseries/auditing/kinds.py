@@ -10,6 +10,7 @@ from typing import Any
 from bseries.analysis.rounding import LEAST_DIGITS
 from bseries.auditing.corrections import Correction, reached
 from bseries.auditing.written import as_decimal, digits_of
+from bseries.exceptions import SeriesError
 from integrators import RungeKutta
 from integrators.methods.exchange.numbers import Number
 from integrators.methods.exchange.records import Record
@@ -31,16 +32,18 @@ def methods_of(record: Record) -> Iterator[Method]:
 
 
 def restored(record: Record, order: int) -> tuple[Correction, ...]:
-    """The changes of rows of times that give an order: of single times, of two, or two rows exchanged.
+    """The changes of rows of times that give an order: of single times, of two, or rows of a composition exchanged.
 
-    A correction that exchanges rows has their names as entries, and no values.
+    A correction that exchanges rows has their names as entries, and no values. For splittings both orders of the rows
+    are tried anyway.
     """
-    if record.kind not in ("splitting", "composition") or "beta" in record.tables:
+    if record.kind not in ("splitting", "composition") or _are_nodes(record.tables):
         return ()
     tables, digits = _plain(record.tables), _digits(record)
-    (n, one), (m, two) = tables.items()
-    if len(one) == len(two) and _has_order(record.kind, {n: two, m: one}, digits, order):
-        return (Correction("exchanged", (n, m), (), ()),)
+    if record.kind == "composition":
+        exchanged = dict(zip(tables, reversed(tables.values()), strict=True))
+        if _has_order(record.kind, exchanged, digits, order):
+            return (Correction("exchanged", tuple(tables), (), ()),)
     for changes in (_single_times, _pairs_of_times):
         found = []
         for kind, values in changes(tables):
@@ -96,7 +99,7 @@ def _plain(table: Any) -> Any:
 
 def _splittings(tables: Tables, digits: int | None) -> Iterator[Method]:
     """Flows of two parts in turn, either first; then those of positions and momenta in second-order equations."""
-    if "beta" in tables:
+    if _are_nodes(tables):
         yield _sum_of_splittings(tables, digits)
         return
     one, two = tables.values()
@@ -104,6 +107,18 @@ def _splittings(tables: Tables, digits: int | None) -> Iterator[Method]:
         yield Splitting(_in_turn(rows), digits=digits)
     for rows in ({"p": one, "q": two}, {"q": one, "p": two}, {"q": two, "p": one}, {"p": two, "q": one}):
         yield NystromSplitting(_in_turn(rows), digits=digits)
+
+
+def _are_nodes(tables: Tables) -> bool:
+    """Whether beta holds the times of parts after each flow, by splitting, and is no row."""
+    return any(isinstance(x, list) for x in tables.get("beta", ()))
+
+
+def _checked(*rows: Sequence[Any]) -> Iterator[tuple[Any, ...]]:
+    """The columns of rows of equal lengths; other rows are refused."""
+    if len(lengths := {len(row) for row in rows}) > 1:
+        raise SeriesError(f"rows must have equally many entries, but had {' and '.join(map(str, sorted(lengths)))}")
+    return zip(*rows, strict=True)
 
 
 def _in_turn(rows: Mapping[str, Sequence[Fraction]]) -> list[tuple[str, Fraction]]:
@@ -116,14 +131,14 @@ def _sum_of_splittings(tables: Tables, digits: int | None) -> Method:
     parts = "pqrstuvw"
     steps = []
     for times in tables["beta"]:
-        between = [[y - x for x, y in zip(*pair, strict=True)] for pair in pairwise(times)]
+        between = [[y - x for x, y in _checked(*pair)] for pair in pairwise(times)]
         steps.append(Splitting([flow for row in between for flow in zip(parts, row)], digits=digits))  # noqa: B905
-    return steps[0] if len(steps) == 1 else linear_combination(zip(tables["alpha"], steps, strict=True))
+    return steps[0] if len(steps) == 1 else linear_combination(_checked(tables["alpha"], steps))
 
 
 def _compositions(tables: Tables, digits: int | None) -> Iterator[Method]:
     """A method and its adjoint in turn, as flows of two parts."""
-    times = zip(tables["method"], tables["adjoint"], strict=True)
+    times = _checked(tables["method"], tables["adjoint"])
     yield Splitting([flow for a, b in times for flow in zip("pqqp", (a, a, b, b), strict=True)], digits=digits)
 
 
@@ -136,11 +151,10 @@ def _symmetric_compositions(tables: Tables, digits: int | None) -> Iterator[Meth
 
 
 def _nystrom(tables: Tables, digits: int | None) -> Iterator[Method]:
-    """A Nyström method; nodes that are not given are those of q'' = const."""
-    nodes = tables.get("c")
-    if nodes is not None:
+    """A Nyström method whose nodes are given."""
+    if "c" in tables:
         velocity = tables.get("A_velocity")
-        yield RungeKuttaNystrom(tables["A"], tables["b"], tables["b_velocity"], nodes, A=velocity, digits=digits)
+        yield RungeKuttaNystrom(tables["A"], tables["b"], tables["b_velocity"], tables["c"], A=velocity, digits=digits)
 
 
 def _rosenbrock(tables: Tables, digits: int | None) -> Iterator[Method]:
@@ -168,11 +182,11 @@ def _three_registers(tables: Tables, digits: int | None) -> Iterator[Method]:
     digits = digits and max(LEAST_DIGITS, digits - LOST_DIGITS)
     first = tables.get("β", beta)[:1] if len(beta) == len(gamma1) and "β2end" in tables else []
     if first:  # entries from the second stage on
-        rows = [[0, 1, 0], *zip(gamma1, gamma2, gamma3, strict=True)]
+        rows = [[0, 1, 0], *_checked(gamma1, gamma2, gamma3)]
         yield RungeKutta.from_3s_star(rows, [*first, *beta], [1, *delta], digits=digits, warn=False)
     else:
         extra = len(gamma1) - len(delta)
-        rows = [*zip(gamma1, gamma2, gamma3, strict=True)][extra:]
+        rows = [*_checked(gamma1, gamma2, gamma3)][extra:]
         yield RungeKutta.from_3s_star(rows, beta[extra:], delta, digits=digits, warn=False)
 
 

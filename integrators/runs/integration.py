@@ -208,7 +208,7 @@ def integrate(
         y0 = first = starting_values(method, scene, _start_of(scene, y0, t0, start), h, t0, start)
         if steps < method.steps - 1:
             raise IntegratorError(f"steps must be at least {method.steps - 1} for {method.name}, but was {steps}")
-    elif start is not RUNGE_KUTTA and start != RUNGE_KUTTA:
+    elif not (isinstance(start, str) and start == RUNGE_KUTTA):
         raise IntegratorError(f"start must be left out for a one-step method, but was {shown(start)}")
     else:
         y0 = _start_of(scene, y0, t0, start)

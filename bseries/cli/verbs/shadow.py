@@ -17,6 +17,9 @@ from bseries_base.table import Table
 if TYPE_CHECKING:
     from integrators import Scene
 
+LAYOUT = "full"
+"""Positions and momenta at the same times."""
+
 
 @click.command()
 @click.argument("file", metavar="FILE", required=False, type=click.Path())
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
     help='Columns by name, pattern or place, as in "q=x*,v=vx*,U=PotEng,F=fx*" or "t=0,p=1:3,q=3:5".',
 )  # fmt: skip
 @click.option(
-    "--layout", metavar="NAME", default="full", help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift."
+    "--layout", metavar="NAME", default=LAYOUT, help="full, half-behind, half-ahead (leapfrog), or drift-kick-drift."
 )
 @click.option(
     "--period", metavar="LIST", type=REALS,
@@ -84,7 +87,9 @@ def shadow(
     from bseries.shadow.trajectory_energies import shadow_energy
 
     if energy is not None:
-        return _judged(file, energy, h=options["h"], plot=plot)
+        h = options.pop("h")
+        others = options | {"scene": scene, "columns": columns, "bound": bound, "plot": plot.path}
+        return _judged(file, energy, h, others)
     if file is None:
         raise Refusal("FILE must be given: a trajectory, as NPZ or text, or - for text on standard input")
     chosen = None
@@ -99,13 +104,14 @@ def shadow(
     return table
 
 
-def _judged(file: str | None, energy: str, *, h: float | None, plot: PlotFile) -> Table:
-    """The verdict on the energies of a log."""
+def _judged(file: str | None, energy: str, h: float | None, others: dict[str, Any]) -> Table:
+    """The verdict on the energies of a log; options for positions and momenta are refused."""
     from bseries.shadow.energy_log import energy_log
 
     if file is None:
         raise Refusal("FILE must be given: a log with a column of energies, or - for text on standard input")
-    if plot.path is not None:
-        raise Refusal("--plot must be left out with --energy")
+    given = next((name for name, value in others.items() if value not in (None, LAYOUT)), None)
+    if given is not None:
+        raise Refusal(f"{given} must be left out with --energy, which judges a column alone")
     source = standard_input() if file == "-" else file
     return energy_log(source, None if energy == "total" else energy, h=h).to_table()

@@ -132,3 +132,21 @@ def test_forms_in_few_registers_are_proved(name):
     assert found.order == bs.order_of(method) == 3
     wrong = audited(text.replace("8//15", "7//15").replace("2/3", "3/5"), name)
     assert wrong.order < 3
+
+
+ILL_FITTING = {
+    "composition.jl": "a = [1]\nb = [0, 1//4]\nSplittingCoefficientsNonSymmetric(:x, 2, a, b)\n",
+    "three.py": "gamma1 = [0, 1]\ngamma2 = [1]\ngamma3 = [0, 0]\nbeta = [1, 1]\ndelta = [1, 0]\n",
+}
+
+
+@pytest.mark.parametrize("name", ILL_FITTING)
+def test_rows_that_do_not_fit_are_said(name):
+    found = bs.audit({name: ILL_FITTING[name]})
+    assert found.methods == ()
+    assert "rows must have equally many entries, but had 1 and 2" in found.unread[0]
+
+
+def test_rows_named_alpha_and_beta_are_times_of_two_flows():
+    found = audited("alpha = [[0, 1/2, 1]]\nbeta = [[1, 0]]\norder = 2\n", "flows.py")
+    assert (found.kind, found.order) == ("splitting", 0)

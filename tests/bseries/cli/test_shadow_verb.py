@@ -139,3 +139,7 @@ def test_a_log_of_energies_is_judged(run, tmp_path):
     found = json.loads(run("shadow", str(path), "--energy", "TotEng", "--format", "json").stdout)
     assert (found["kind"], found["verdict"], found["values"]) == ("energy-log", "linear drift", 4000)
     assert run("shadow", str(path), "--energy", "Enthalpy").exit_code == 2
+    for option in (["--columns", "q=x"], ["--order", "4"], ["--bound", "1e-3"], ["--plot", "a.png"], ["--mass", "2"]):
+        refused = run("shadow", str(path), "--energy", "total", *option)
+        assert refused.exit_code == 2
+        assert f"{option[0][2:]} must be left out with --energy" in refused.stderr

@@ -159,3 +159,9 @@ def test_the_memoryless_equation_predicts_a_run_with_momentum(momentum, h):
     assert errors[2] < 0.01
     assert errors[2] < errors[1] / 5 < errors[0] / 15
     assert errors[0] > 0.01  # negative control: the gradient flow alone, with the rescaled step, is not as close
+
+
+@pytest.mark.parametrize("start", [np.zeros((2, 2)), [[0, 1], [1, 0]], None, "underlying"])
+def test_one_step_methods_need_no_starting_values(start):
+    with pytest.raises(bs.IntegratorError, match="start must be left out for a one-step method, but was "):
+        bs.integrate("rk4", "pendulum", h=0.1, steps=3, start=start)
