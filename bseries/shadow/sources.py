@@ -259,11 +259,13 @@ def _lines(source: str | IO[str], label: str) -> Iterator[str]:
 
 def text_lines(source: str | IO[str], label: str, wanted: str) -> Iterator[str]:
     """The lines that are not empty, without spaces around them; `wanted` ends the error where they are no text."""
-    with open(source, encoding="utf-8-sig") if isinstance(source, str) else nullcontext(source) as file:
-        try:
+    try:
+        with open(source, encoding="utf-8-sig") if isinstance(source, str) else nullcontext(source) as file:
             yield from filter(None, map(str.strip, read_lines(file, label)))
-        except UnicodeDecodeError:
-            raise SeriesError(f"{label} must be {wanted}") from None
+    except UnicodeDecodeError:
+        raise SeriesError(f"{label} must be {wanted}") from None
+    except OSError as error:
+        raise SeriesError(f"{label} must be a readable file, but was not: {error.strerror}") from None
 
 
 def _is_number(text: str) -> bool:

@@ -81,6 +81,11 @@ class MethodEntry(NamedTuple):
         return self.kind in TABLEAU_KINDS
 
     @property
+    def counts(self) -> str:
+        """What the number in the names of a family counts."""
+        return "steps" if self.kind == "multistep" else "stages"
+
+    @property
     def is_family(self) -> bool:
         """Whether the number of stages follows the name, as in ``gauss3``."""
         return self.stages is None
@@ -221,7 +226,7 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
     entry, _ = index.get(key, (None, ""))
     if entry is not None:
         if entry.is_family:
-            raise IntegratorError(f"{entry.name} needs a number of stages, for example {entry.name}3")
+            raise IntegratorError(f"{entry.name} needs a number of {entry.counts}, for example {entry.name}3")
         return entry, None
     family, _ = index.get(stem, (None, ""))
     if family is None or not family.is_family:
@@ -230,20 +235,23 @@ def _find(name: str) -> tuple[MethodEntry, int | None]:
     # The length is checked first, because int() raises a ValueError for thousands of digits.
     if len(digits) > len(str(MAX_STAGES)) or not family.least_stages <= int(digits) <= MAX_STAGES:
         raise IntegratorError(
-            f"number of stages of {family.name} must be from {family.least_stages} to {MAX_STAGES}, "
+            f"number of {family.counts} of {family.name} must be from {family.least_stages} to {MAX_STAGES}, "
             f"but was {digits:.60}"
         )
     return family, int(digits)
 
 
-MULTISTEP = ("lsoda", "lsode", "vode", "cvode", "bdf", "qndf", "ode113", "ode15s")
-"""What other packages have and this catalogue cannot have."""
+MULTISTEP = ("lsoda", "lsode", "vode", "cvode", "qndf", "ode113", "ode15s")
+"""What other packages have and this catalogue has not: multistep methods that vary step and order."""
 
 
 def _miss(name: str, key: str) -> str:
     """The error message for an unknown name; it suggests names that contain it, then names with similar spelling."""
     if key in MULTISTEP:
-        return f"name must be a one-step method, radau-iia3 for stiff scenes, but {name} is a multistep method"
+        return (
+            "name must be a one-step method, radau-iia3 for stiff scenes, or have fixed steps as bdf3, but "
+            f"{name} is a multistep method of variable order"
+        )
     near: dict[str, str] = {}
     if 1 < len(key) <= 60:
         index = REGISTER.index

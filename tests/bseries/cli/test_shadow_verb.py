@@ -143,3 +143,6 @@ def test_a_log_of_energies_is_judged(run, tmp_path):
         refused = run("shadow", str(path), "--energy", "total", *option)
         assert refused.exit_code == 2
         assert f"{option[0][2:]} must be left out with --energy" in refused.stderr
+    missing = run("shadow", str(tmp_path / "nothing.log"), "--energy", "total")
+    assert missing.exit_code == 2
+    assert "must be a readable file, but was not: No such file" in missing.stderr

@@ -360,6 +360,8 @@ def test_spellings_and_aliases(spelling: str, name: str) -> None:
         ("gauss³", "name must be a method"),
         ("gauss", "^gauss needs a number of stages, for example gauss3$"),
         ("Lobatto_IIIA", "^lobatto-iiia needs a number of stages, for example lobatto-iiia3$"),
+        ("bdf", "^bdf needs a number of steps, for example bdf3$"),
+        ("ab51", "^number of steps of ab must be from 1 to 50, but was 51$"),
         ("gauss0", "^number of stages of gauss must be from 1 to 50, but was 0$"),
         ("lobatto-iiia1", "^number of stages of lobatto-iiia must be from 2 to 50, but was 1$"),
         ("gauss51", "must be from 1 to 50, but was 51$"),
