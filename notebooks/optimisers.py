@@ -13,9 +13,16 @@
 # %% [markdown]
 # # What momentum minimises
 #
-# Gradient descent with momentum, y_{n+1} = (1 + β) y_n − β y_{n−1} − h ∇L(y_n), forgets its past quickly: it follows a
-# differential equation without memory. To first order in h that is the gradient flow of
-# L/(1 − β) + h (1 + β)/(4 (1 − β)³) |∇L|². Here it is compared with a run.
+# Gradient descent with momentum is the iteration
+#
+# $$ y_{n+1} = (1+\beta)\,y_n - \beta\,y_{n-1} - h\,\nabla L(y_n). $$
+#
+# Started well, it follows a differential equation without memory. Up to terms of size $h^2$ this is the gradient flow
+# of
+#
+# $$ \tilde L = \frac{L}{1-\beta} + h\,\frac{1+\beta}{4(1-\beta)^3}\,|\nabla L|^2, $$
+#
+# which is compared with a run here.
 
 # %%
 # %matplotlib inline
@@ -49,7 +56,8 @@ losses, times = loss(np.array(run).T), H * np.arange(STEPS + 1)
 # %% [markdown]
 # ## The prediction
 #
-# The gradient flow with the rescaled step misses the loss; with the term of order h it is predicted within 1 %.
+# The gradient flow of $L/(1-\beta)$ misses the loss; with the term of order h the loss is predicted within 1 %. The step
+# is small: the series helps only where $h\lambda < (1-\sqrt\beta)^2$ for the curvatures $\lambda$ of $L$.
 
 # %%
 errors = {}
