@@ -56,8 +56,8 @@ losses, times = loss(np.array(run).T), H * np.arange(STEPS + 1)
 # %% [markdown]
 # ## The prediction
 #
-# The gradient flow of $L/(1-\beta)$ misses the loss; with the term of order h the loss is predicted within 1 %. The step
-# is small: the series helps only where $h\lambda < (1-\sqrt\beta)^2$ for the curvatures $\lambda$ of $L$.
+# The gradient flow of $L/(1-\beta)$ misses the loss; with the term of order h the loss is predicted within 1 %. The
+# step is small: the series helps only where $h\lambda < (1-\sqrt\beta)^2$ for the curvatures $\lambda$ of $L$.
 
 # %%
 errors = {}

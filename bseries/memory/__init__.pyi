@@ -15,6 +15,6 @@ from .methods import symmetric_multistep as symmetric_multistep
 from .stability import dahlquist_barrier as dahlquist_barrier
 from .stability import parasitic_modes as parasitic_modes
 from .stability import root_locus as root_locus
-from .starting import starting_values as starting_values
 from .underlying import starting_procedure as starting_procedure
+from .underlying import starting_values as starting_values
 from .underlying import underlying_one_step as underlying_one_step
